@@ -1,0 +1,590 @@
+"""The streaming kernel: one sample of one loop at a time, in O(1) memory and a few additions.
+
+While a loop is quiet its baseline is kept (mean PV and OP, noise of the error). A set-point step opens an
+event: its integrals run, its samples go to a window. The event closes when the error lies still again
+(`settled`), when something cuts in (`interrupted`), or when it takes too long (`timeout`).
+
+The same compiled function serves a live frame (many loops, one sample each) and an audit (one loop, a
+million samples); nothing in it depends on how the samples were batched.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from .loops import Loop
+from .samples import GOOD, UNCERTAIN, Samples
+
+jit: Any = numba.njit(cache=True, error_model="numpy")
+"""Compiled, cached on disk; 0/0 is NaN as in NumPy."""
+
+WARM_UP = 20
+"""Quiet samples before a baseline is trusted: the mean of 20 has 0.22 of one sample's noise."""
+RING = 64
+"""Samples kept from before an event: baseline for the fit, and the picture's left margin."""
+WINDOW = 1024
+"""Points of an event's window; when full, every second one is dropped."""
+MAX_GAP = 3.5
+"""Sample periods; above it nothing is integrated across (three periods and jitter)."""
+STEP_MOVES = 5
+"""A set point that moves for more samples than these is a ramp or a cascade's, not a step smeared by a historian."""
+STEP_REST = 3
+"""Periods for which a set point must rest before its move counts as finished."""
+RAMP_REST = 20
+"""Periods for which a moving set point must rest before the loop is looked at again."""
+TIMEOUT = 10_000
+"""Periods after which an event is given up."""
+SHORT = 0.2
+"""Weight of the short average of the error, per period (about five samples)."""
+LONG = 0.002
+"""Weight of its long-run mean and variance (about 500 samples)."""
+BASE = 0.005
+"""Weight of the baseline's PV and OP (about 200 samples)."""
+TOO_LARGE = 1e30
+"""A magnitude that no plant has: a gateway's placeholder."""
+
+WARMING, QUIET, CANDIDATE, EVENT, MOVING = range(5)
+OPENED, CLOSED = 1, 2
+SETTLED, INTERRUPTED, TIMED_OUT = "settled", "interrupted", "timeout"
+STATES = ("", SETTLED, INTERRUPTED, TIMED_OUT)
+CAUSES = ("", "the set point moved again", "a gap in the data", "a change to manual", "the end of the data")
+BY_STEP, BY_GAP, BY_MODE, BY_END = range(1, 5)
+
+COUNTS = ("ok", "uncertain", "bad_value", "bad_quality", "duplicate", "conflict", "late")
+"""What became of a sample; `ok` includes `uncertain`, `duplicate` includes `conflict`."""
+
+_f, _i = np.float64, np.int64
+_INTEGRALS = [(name, _f) for name in ("s1", "s2", "s3", "y1", "y2", "iae", "iae_noise", "good", "saturated")]
+_BASELINE = [(name, _f) for name in ("pv0", "op0", "sd_e", "noise")]
+
+PARAM = np.dtype([("period", _f), ("pv_min", _f), ("pv_max", _f), ("op_low", _f), ("op_high", _f)])
+
+STATE = np.dtype(
+    [
+        *[(n, _i) for n in ("phase", "time", "seen", "warm", "based", "ringed", "slot", "auto")],
+        *[(n, _f) for n in ("sp", "pv", "op", "dpv", "period")],
+        *[
+            (n, _f)
+            for n in ("mean_e", "var_e", "abs_e", "short", "mean_s", "var_s", "mean_pv", "mean_op", "var_d")
+        ],
+        ("quantum", _f),
+        # the set point's move
+        *[(n, _i) for n in ("moved", "moves")],
+        ("sp_from", _f),
+        # the open event
+        *[(n, _i) for n in ("onset", "still", "points", "before", "stride", "skipped")],
+        *[(n, _f) for n in ("amplitude", "held", "low", "high", "sum_e", "sum_t", "quiet")],
+        *_INTEGRALS,
+        *_BASELINE,
+        # the loop's life
+        *[(n, _f) for n in ("wall_time", "good_time", "manual_time", "limit_time", "travel")],
+        ("events", _i),
+        *[(n, _i) for n in COUNTS],
+    ]
+)
+
+OUT = np.dtype(
+    [
+        *[
+            (n, _i)
+            for n in ("what", "loop", "state", "cause", "slot", "points", "before", "onset", "end", "number")
+        ],
+        *[(n, _f) for n in ("amplitude", "wall", "quiet", "offset", "period", "sp_from", "quantum")],
+        *_INTEGRALS,
+        *_BASELINE,
+    ]
+)
+
+
+class Detector:
+    """The state of all loops, and the way from samples to events.
+
+    Parameters
+    ----------
+    loops
+        The loops' ranges, limits and nominal periods are taken from the table; more are added with `add`.
+    """
+
+    def __init__(self, loops: list[Loop]) -> None:
+        self.param = np.zeros(0, PARAM)
+        self.state = np.zeros(0, STATE)
+        self.ring = np.zeros((0, RING, 4))
+        self.ring_time = np.zeros((0, RING), np.int64)
+        self.slab = np.zeros((0, WINDOW, 4))
+        self.free = np.zeros(0, np.int64)
+        self.n_free = np.zeros(1, np.int64)
+        self.out = np.zeros(256, OUT)
+        self.add(loops)
+
+    def add(self, loops: list[Loop]) -> None:
+        """Add rows for these loops, others untouched."""
+        param, state = np.zeros(len(loops), PARAM), np.zeros(len(loops), STATE)
+        for row, loop in zip(param, loops, strict=True):
+            _fill(row, loop)
+        state["slot"] = -1
+        state["period"] = param["period"]
+        self.param = np.concatenate([self.param, param])
+        self.state = np.concatenate([self.state, state])
+        n = len(self.state)
+        self.ring = _grown(self.ring, n)
+        self.ring_time = _grown(self.ring_time, n)
+
+    def run(self, samples: Samples) -> list[tuple[Any, NDArray[np.float64]]]:
+        """Take in samples; return what opened and closed, in the samples' order.
+
+        Returns
+        -------
+        list of (event, window)
+            ``event`` is a row of dtype `OUT`; ``window`` is (n, 4): time from the onset [s], SP [PV], PV,
+            OP held until the next point (empty for an opening).
+        """
+        found: list[tuple[Any, NDArray[np.float64]]] = []
+        at = 0
+        while at < len(samples):
+            self._make_room(samples, at)
+            at, n = _run(
+                self.state, self.param, self.ring, self.ring_time, self.slab, self.free, self.n_free, self.out,
+                samples.loop, samples.time, samples.sp, samples.pv, samples.op, samples.auto, samples.quality, at,
+            )  # fmt: skip
+            found += self._drain(n)
+        return found
+
+    def flush(self, loops: Any = None) -> list[tuple[Any, NDArray[np.float64]]]:
+        """Close the open events of these rows (default: all) as interrupted by the end of the data."""
+        found: list[tuple[Any, NDArray[np.float64]]] = []
+        for row in np.flatnonzero(self.state["slot"] >= 0) if loops is None else loops:
+            found += self._drain(_flush(self.state, self.slab, self.free, self.n_free, self.out, row))
+        return found
+
+    def _make_room(self, samples: Samples, at: int) -> None:
+        """Keep at least as many free slots as loops that could open an event before the next drain."""
+        wanted = min(len(self.state), len(samples) - at, len(self.out))
+        lack = wanted - int(self.n_free[0])
+        if lack > 0:
+            more = max(lack, len(self.slab) // 2)
+            n = len(self.slab)
+            self.slab = _grown(self.slab, n + more)
+            self.free = np.concatenate([self.free[: self.n_free[0]], np.arange(n + more - 1, n - 1, -1)])
+            self.free = _grown(self.free, n + more)
+            self.n_free[0] += more
+
+    def _drain(self, n: int) -> list[tuple[Any, NDArray[np.float64]]]:
+        found = []
+        for event in self.out[:n].copy():
+            window = np.zeros((0, 4))
+            if event["what"] == CLOSED:
+                window = self.slab[event["slot"], : event["points"]].copy()
+                self.free[self.n_free[0]] = event["slot"]
+                self.n_free[0] += 1
+            found.append((event, window))
+        return found
+
+
+def _fill(row: Any, loop: Loop) -> None:
+    """Write a loop's facts to its row of parameters; PV counts as real within ten spans around its range."""
+    row["period"] = 0.0 if loop.period is None else loop.period
+    row["pv_min"], row["pv_max"] = -TOO_LARGE, TOO_LARGE
+    if loop.pv_low is not None and loop.pv_high is not None:
+        span = loop.pv_high - loop.pv_low
+        row["pv_min"], row["pv_max"] = loop.pv_low - 10 * span, loop.pv_high + 10 * span
+    row["op_low"] = -np.inf if loop.op_low is None else loop.op_low
+    row["op_high"] = np.inf if loop.op_high is None else loop.op_high
+
+
+def _grown(array: NDArray[Any], n: int) -> NDArray[Any]:
+    out = np.zeros((n, *array.shape[1:]), array.dtype)
+    out[: len(array)] = array
+    return out
+
+
+# ---------------------------------------------------------------------------------------------------
+# compiled from here on; s is one loop's state, p its parameters
+
+
+@jit
+def _run(state, param, ring, ring_time, slab, free, n_free, out, loop, time, sp, pv, op, auto, quality, at):  # type: ignore[no-untyped-def]
+    """Run from sample ``at`` until the samples or the room for events end; return (next sample, events)."""
+    n = 0
+    for k in range(at, len(time)):
+        if n + 2 > len(out):  # one sample closes and opens at most one event each
+            return k, n
+        i = loop[k]
+        s = state[i]
+        p = param[i]
+        if _accept(s, p, time[k], sp[k], pv[k], op[k], quality[k]):
+            n = _sample(
+                s,
+                p,
+                ring[i],
+                ring_time[i],
+                slab,
+                free,
+                n_free,
+                out,
+                n,
+                i,
+                time[k],
+                sp[k],
+                pv[k],
+                op[k],
+                auto[k],
+            )
+    return len(time), n
+
+
+@jit
+def _accept(s, p, time, sp, pv, op, quality):  # type: ignore[no-untyped-def]
+    """Count a sample; True if it is good and newer than the loop's last."""
+    if s.seen > 0 and time <= s.time:
+        if time == s.time:
+            s.duplicate += 1
+            if pv != s.pv or sp != s.sp or op != s.op:
+                s.conflict += 1
+        else:
+            s.late += 1
+        return False
+    if quality < UNCERTAIN:
+        s.bad_quality += 1
+        return False
+    ok = p.pv_min < pv < p.pv_max and p.pv_min < sp < p.pv_max and abs(op) < TOO_LARGE
+    if not ok:  # also NaN
+        s.bad_value += 1
+        return False
+    s.ok += 1
+    if quality < GOOD:
+        s.uncertain += 1
+    return True
+
+
+@jit
+def _sample(s, p, ring, ring_time, slab, free, n_free, out, n, i, time, sp, pv, op, auto):  # type: ignore[no-untyped-def]
+    """Take in one good sample; return the number of events in ``out``."""
+    dt = (time - s.time) * 1e-9 if s.seen > 0 else 0.0
+    gap = s.period > 0 and dt > MAX_GAP * s.period
+    _live(s, p, dt, gap, op)
+    if s.slot >= 0 and (gap or not auto):
+        n = _close(s, slab, free, n_free, out, n, i, 2, BY_GAP if gap else BY_MODE, s.time)
+    if s.seen == 0 or gap or not auto or not s.auto:
+        _restart(s, sp, pv, op)
+    else:
+        if s.slot >= 0:
+            _integrate(s, p, dt, pv)
+        n = _follow(s, ring, ring_time, slab, free, n_free, out, n, i, time, dt, sp, pv, op)
+    d = pv - s.pv
+    if s.seen > 0 and d != 0 and (s.quantum == 0 or abs(d) < s.quantum):
+        s.quantum = abs(d)
+    s.dpv = d
+    s.time, s.sp, s.pv, s.op, s.auto = time, sp, pv, op, 1 if auto else 0
+    s.seen += 1
+    _remember(s, p, ring, ring_time)
+    return n
+
+
+@jit
+def _live(s, p, dt, gap, op):  # type: ignore[no-untyped-def]
+    """Account for the time since the last sample."""
+    s.wall_time += dt
+    if gap:
+        return
+    # a missed sample is bridged, but does not count as covered
+    s.good_time += dt if s.period == 0 else min(dt, 1.5 * s.period)
+    if not s.auto:
+        s.manual_time += dt
+    if s.op <= p.op_low or s.op >= p.op_high:
+        s.limit_time += dt
+    if s.seen > 0:
+        s.travel += abs(op - s.op)
+
+
+@jit
+def _restart(s, sp, pv, op):  # type: ignore[no-untyped-def]
+    """Begin anew after a gap, a mode change, or at the loop's first sample."""
+    s.phase = WARMING
+    s.warm = s.based = s.ringed = 0
+    s.mean_e = s.var_e = s.abs_e = s.var_s = s.var_d = 0.0
+    s.short = s.mean_s = sp - pv
+    s.quantum = 0.0
+
+
+@jit
+def _remember(s, p, ring, ring_time):  # type: ignore[no-untyped-def]
+    """Keep the sample in the ring; measure the sample period where none is given (median of the steps)."""
+    k = s.ringed % RING
+    ring_time[k] = s.time
+    ring[k, 0], ring[k, 1], ring[k, 2], ring[k, 3] = 0.0, s.sp, s.pv, s.op
+    s.ringed += 1
+    # often at first, then once a turn: a gateway that changes its rate is followed
+    if p.period == 0 and (s.ringed in {8, 16, 32} or s.ringed % RING == 0):
+        m = min(s.ringed, RING)
+        steps = np.empty(m - 1)
+        for j in range(m - 1):
+            a = (s.ringed - m + j) % RING
+            b = (s.ringed - m + j + 1) % RING
+            steps[j] = (ring_time[b] - ring_time[a]) * 1e-9
+        s.period = np.median(steps)
+
+
+@jit
+def _follow(s, ring, ring_time, slab, free, n_free, out, n, i, time, dt, sp, pv, op):  # type: ignore[no-untyped-def]
+    """Move the loop's phase on by one sample."""
+    e = sp - pv
+    s.short += _weight(dt, s.period) * (e - s.short)
+    # a set point is free of noise; what moves less than 2 % of the error's noise is rounding or display
+    moved = abs(sp - s.sp) > 1e-9 * abs(sp) + 0.02 * np.sqrt(s.var_e)
+
+    if s.phase == EVENT and abs(sp - s.held) > 0.02 * abs(s.amplitude):
+        n = _close(s, slab, free, n_free, out, n, i, 2, BY_STEP, time)
+        n = _begin(s, ring, ring_time, slab, free, n_free, n, time)
+    elif s.phase == MOVING:
+        if moved:
+            s.moved = time
+        elif (time - s.moved) * 1e-9 > RAMP_REST * s.period:
+            _settle_down(s)
+    elif s.phase in {WARMING, QUIET} and moved and s.period > 0:
+        n = _begin(s, ring, ring_time, slab, free, n_free, n, time)
+    elif s.phase == CANDIDATE:
+        if moved:
+            s.moved = time
+            s.moves += 1
+            if s.moves > STEP_MOVES:
+                _drop(s, free, n_free)
+                s.phase = MOVING
+        elif (time - s.moved) * 1e-9 > (STEP_REST - 0.5) * s.period:
+            n = _confirm(s, free, n_free, out, n, i, time, sp)
+
+    if s.slot >= 0:
+        _append(s, slab[s.slot], time, sp, pv, op)
+        if s.phase == EVENT:
+            n = _watch(s, slab, free, n_free, out, n, i, time, dt, e)
+    elif s.phase in {WARMING, QUIET}:
+        _listen(s, e, pv, op)
+    return n
+
+
+@jit
+def _weight(dt, period):  # type: ignore[no-untyped-def]
+    """Weight of the short average over ``dt``: two missed samples weigh as two."""
+    if period <= 0 or abs(dt - period) < 1e-3 * period:
+        return SHORT  # the power costs as much as all the rest
+    return 1.0 - (1.0 - SHORT) ** (dt / period)
+
+
+@jit
+def _listen(s, e, pv, op):  # type: ignore[no-untyped-def]
+    """Update the baseline of a quiet loop; what lies outside three sigma moves it by three sigma only."""
+    s.warm += 1
+    s.based += 1
+    w = max(1.0 / s.warm, LONG)
+    d = e - s.mean_e if s.warm > 1 else 0.0
+    if s.warm == 1:
+        s.mean_e, s.mean_s, s.short = e, e, e
+    if s.warm > WARM_UP:
+        d = _clip(d, 3.0 * np.sqrt(s.var_e))
+    s.mean_e += w * d
+    s.var_e += w * (d * d - s.var_e)
+    s.abs_e += w * (min(abs(e), 4.0 * np.sqrt(s.var_e) + abs(s.mean_e)) - s.abs_e)
+    d = s.short - s.mean_s
+    if s.warm > WARM_UP:
+        d = _clip(d, 3.0 * np.sqrt(s.var_s))
+    s.mean_s += w * d
+    s.var_s += w * (d * d - s.var_s)
+    # second differences see noise and hardly any process: var = 6 sigma^2 for white noise
+    d = pv - s.pv - s.dpv
+    s.var_d += w * ((d * d if s.warm > 2 else 0.0) - s.var_d)
+    w = max(1.0 / s.based, BASE)
+    if s.based == 1:
+        s.mean_pv, s.mean_op = pv, op
+    s.mean_pv += w * (pv - s.mean_pv)
+    s.mean_op += w * (op - s.mean_op)
+    if s.phase == WARMING and s.based >= WARM_UP:
+        s.phase = QUIET
+
+
+@jit
+def _clip(d, limit):  # type: ignore[no-untyped-def]
+    # a floor of zero would freeze a signal that was constant at first: let it in slowly instead
+    if limit == 0.0:
+        return d
+    return min(max(d, -limit), limit)
+
+
+@jit
+def _settle_down(s):  # type: ignore[no-untyped-def]
+    """Wait for a new baseline; what is known of the noise stays."""
+    s.phase = WARMING
+    s.based = 0
+
+
+@jit
+def _begin(s, ring, ring_time, slab, free, n_free, n, time):  # type: ignore[no-untyped-def]
+    """Open a window for a set point that has begun to move; the integrals start here."""
+    s.phase = CANDIDATE
+    s.moves = 1
+    s.moved = s.onset = time
+    s.sp_from = s.sp
+    n_free[0] -= 1
+    s.slot = free[n_free[0]]
+    s.s1 = s.s2 = s.s3 = s.y1 = s.y2 = s.iae = s.iae_noise = s.good = s.saturated = 0.0
+    based = s.based >= WARM_UP // 2
+    s.pv0 = s.mean_pv if based else s.pv
+    s.op0 = s.mean_op if based else s.op
+    s.sd_e, s.noise = np.sqrt(s.var_e), np.sqrt(s.var_d / 6.0)
+    # quiet: a baseline was seen, and the error lay in its band when the set point moved
+    band = 5.0 * np.sqrt(s.var_s) + 1e-6 * abs(s.sp)
+    s.quiet = 1.0 if s.based >= WARM_UP and abs(s.sp - s.pv - s.mean_e) <= max(band, 5.0 * s.sd_e) else 0.0
+    m = min(s.ringed, RING)
+    w = slab[s.slot]
+    for j in range(m):
+        k = (s.ringed - m + j) % RING
+        w[j, 0] = (ring_time[k] - time) * 1e-9
+        w[j, 1], w[j, 2], w[j, 3] = ring[k, 1], ring[k, 2], ring[k, 3]
+    s.points = s.before = m
+    s.stride = 1
+    s.skipped = 0
+    return n
+
+
+@jit
+def _confirm(s, free, n_free, out, n, i, time, sp):  # type: ignore[no-untyped-def]
+    """The set point rests: a step if it stands out of the noise, else nothing happened."""
+    s.amplitude = sp - s.sp_from
+    s.held = sp
+    if abs(s.amplitude) <= 3.0 * s.sd_e or abs(s.amplitude) <= 1e-9 * abs(sp):
+        _drop(s, free, n_free)
+        s.phase = QUIET
+        return n
+    s.phase = EVENT
+    s.events += 1
+    s.still = time
+    s.low = s.high = s.short
+    s.sum_e = s.sum_t = 0.0
+    o = out[n]
+    o.what, o.loop, o.state, o.cause, o.slot = OPENED, i, 0, 0, -1
+    o.onset, o.end, o.number, o.amplitude, o.period = s.onset, s.onset, s.events, s.amplitude, s.period
+    o.points = 0
+    return n + 1
+
+
+@jit
+def _drop(s, free, n_free):  # type: ignore[no-untyped-def]
+    free[n_free[0]] = s.slot
+    n_free[0] += 1
+    s.slot = -1
+
+
+@jit
+def _integrate(s, p, dt, pv):  # type: ignore[no-untyped-def]
+    """Carry the running integrals over one sample (set-point and load forms share them).
+
+    OP is held: left rectangles; PV and the integrals of integrals: trapezoids. SP is held as well, so the
+    error's trapezoid ends with the old set point.
+    """
+    u = s.op - s.op0
+    y_old, y_new = s.pv - s.pv0, pv - s.pv0
+    s1 = s.s1 + u * dt
+    s2 = s.s2 + 0.5 * (s.s1 + s1) * dt
+    s.s3 += 0.5 * (s.s2 + s2) * dt
+    s.s1, s.s2 = s1, s2
+    y1 = s.y1 + 0.5 * (y_old + y_new) * dt
+    s.y2 += 0.5 * (s.y1 + y1) * dt
+    s.y1 = y1
+    area = 0.5 * (abs(s.sp - s.pv) + abs(s.sp - pv)) * dt
+    s.iae += area
+    if abs(s.short - s.mean_e) < 2.0 * s.sd_e:  # nothing but noise is left here
+        s.iae_noise += min(area, s.abs_e * dt)
+    s.good += dt if s.period == 0 else min(dt, 1.5 * s.period)
+    if s.op <= p.op_low or s.op >= p.op_high:
+        s.saturated += dt
+
+
+@jit
+def _append(s, w, time, sp, pv, op):  # type: ignore[no-untyped-def]
+    """Put the sample into the window; OP of a skipped sample goes, by time, into the last point's mean."""
+    t = (time - s.onset) * 1e-9
+    last = s.points - 1
+    if s.skipped > 0:
+        # w[last, 3] holds the mean OP from the last point to s.time; s.op was held since
+        before = (s.time - s.onset) * 1e-9 - w[last, 0]
+        whole = t - w[last, 0]
+        w[last, 3] = (w[last, 3] * before + s.op * (whole - before)) / whole
+    s.skipped += 1
+    if s.skipped < s.stride:
+        return
+    s.skipped = 0
+    if s.points == WINDOW:
+        _halve(s, w, t)
+    k = s.points
+    w[k, 0], w[k, 1], w[k, 2], w[k, 3] = t, sp, pv, op
+    s.points += 1
+
+
+@jit
+def _halve(s, w, t_next):  # type: ignore[no-untyped-def]
+    """Drop every second point; OP becomes the mean over both, so that its integral stays exact."""
+    for k in range(WINDOW // 2):
+        a, b = 2 * k, 2 * k + 1
+        end = w[b + 1, 0] if b + 1 < WINDOW else t_next
+        first, second = w[b, 0] - w[a, 0], end - w[b, 0]
+        mean = (w[a, 3] * first + w[b, 3] * second) / (first + second)
+        w[k, 0], w[k, 1], w[k, 2], w[k, 3] = w[a, 0], w[a, 1], w[a, 2], mean
+    s.points = WINDOW // 2
+    s.before //= 2
+    s.stride *= 2
+
+
+@jit
+def _watch(s, slab, free, n_free, out, n, i, time, dt, e):  # type: ignore[no-untyped-def]
+    """Close the event when the short average of the error has lain still for half as long as it moved.
+
+    Away from zero (no integral action, saturation, or just a flat top) it has to lie four times as long.
+    """
+    size = abs(s.amplitude)
+    band = min(max(4.0 * np.sqrt(s.var_s), 0.5 * s.quantum, 1e-4 * size), 0.05 * size)
+    s.low, s.high = min(s.low, s.short), max(s.high, s.short)
+    s.sum_e += e * dt
+    s.sum_t += dt
+    if s.high - s.low > 2.0 * band:
+        s.still = time
+        s.low = s.high = s.short
+        s.sum_e = s.sum_t = 0.0
+    rest = (time - s.still) * 1e-9
+    busy = (s.still - s.onset) * 1e-9
+    patience = 1.0 if abs(s.sum_e) <= 2.0 * band * s.sum_t else 4.0
+    if rest >= patience * max(WARM_UP * s.period, 0.5 * busy):
+        return _close(s, slab, free, n_free, out, n, i, 1, 0, time)
+    if rest + busy > TIMEOUT * s.period:
+        return _close(s, slab, free, n_free, out, n, i, 3, 0, time)
+    return n
+
+
+@jit
+def _close(s, slab, free, n_free, out, n, i, state, cause, time):  # type: ignore[no-untyped-def]
+    """Hand the event out; its slot is freed by whoever copies the window."""
+    if s.phase != EVENT:  # a set-point move that was never confirmed
+        _drop(s, free, n_free)
+        _settle_down(s)
+        return n
+    o = out[n]
+    o.what, o.loop, o.state, o.cause, o.slot = CLOSED, i, state, cause, s.slot
+    o.points, o.before, o.onset, o.end, o.number = s.points, s.before, s.onset, time, s.events
+    o.amplitude, o.quiet, o.period, o.sp_from = s.amplitude, s.quiet, s.period, s.sp_from
+    o.wall = (time - s.onset) * 1e-9
+    o.offset = s.sum_e / s.sum_t if s.sum_t > 0 else s.short
+    o.s1, o.s2, o.s3, o.y1, o.y2 = s.s1, s.s2, s.s3, s.y1, s.y2
+    o.iae, o.iae_noise, o.good, o.saturated = s.iae, s.iae_noise, s.good, s.saturated
+    o.pv0, o.op0, o.sd_e, o.noise, o.quantum = s.pv0, s.op0, s.sd_e, s.noise, s.quantum
+    s.slot = -1
+    _settle_down(s)
+    return n + 1
+
+
+@jit
+def _flush(state, slab, free, n_free, out, i):  # type: ignore[no-untyped-def]
+    s = state[i]
+    if s.slot < 0:
+        return 0
+    return _close(s, slab, free, n_free, out, 0, i, 2, BY_END, s.time)

@@ -1,0 +1,400 @@
+"""An event's window to a process model with intervals.
+
+Two independent ways: running integrals (exact without noise, any linear controller) and a separable
+least-squares fit (variable projection, Golub & Pereyra 1973) of the half-rule model to the window. A
+suggestion rests on the fit; the integrals check it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+jit: Any = numba.njit(cache=True, error_model="numpy")
+
+Array = NDArray[np.float64]
+
+INTEGRATING, SELF_REGULATING = "integrating", "self-regulating"
+
+FLOOR_LN_GAIN = 0.01
+"""One sigma of model mismatch in ln gain: a half-rule model of a fourth-order plant is 1 % off without noise."""
+FLOOR_TIME = 0.04
+"""One sigma of model mismatch in lag and in dead time, as a share of the dead time (or of T0, if larger share)."""
+Z95 = 1.96
+DECIDES = 6.0
+"""Difference of log-likelihoods (in effective samples) from which one kind of process is believed: 1 to 400."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A half-rule model with its uncertainty."""
+
+    process: str
+    gain: float
+    """[PV/(OP s)] integrating, [PV/OP] self-regulating."""
+    lag: float
+    """[s]"""
+    dead_time: float
+    """Effective dead time [s]."""
+    lag2: float
+    """Second lag of a self-regulating process, else 0 [s]."""
+    cov: Array
+    """(3, 3) covariance of (ln gain, lag, dead time), floors for model mismatch included."""
+    quality: float
+    """1 - residual variance / PV variance over the window."""
+    log_likelihood: float
+    """-n_eff/2 ln(residual variance): to compare fits of the same window."""
+    sigma: float
+    """Standard deviation of the residuals [PV]."""
+
+    @property
+    def t0(self) -> float:
+        """Sum of lags and dead time [s]."""
+        return self.lag + self.lag2 + self.dead_time
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """Return the 95 % interval of ``gain``, ``lag``, ``dead_time`` or ``t0``."""
+        if name == "gain":
+            half = Z95 * math.sqrt(self.cov[0, 0])
+            ends = self.gain * math.exp(-half), self.gain * math.exp(min(half, 700.0))
+            return min(ends), max(ends)
+        weights = {"lag": (0.0, 1.0, 0.0), "dead_time": (0.0, 0.0, 1.0), "t0": (0.0, 1.0, 1.0)}[name]
+        half = Z95 * math.sqrt(max(float(np.array(weights) @ self.cov @ np.array(weights)), 0.0))
+        value = float(getattr(self, name))
+        return max(value - half, 0.0), value + half
+
+
+def setpoint_integrals(amplitude: float, s1: float, s2: float, y1: float) -> tuple[float, float]:
+    """Gain [PV/(OP s)] and T0 [s] of an integrating process from a set-point step's integrals.
+
+    ``mu = Ar / int u``, ``T0 = (mu int int u - int y) / Ar`` (derived; exact for any linear controller once
+    the loop has settled). NaN where OP's integral is zero.
+    """
+    gain = amplitude / s1 if s1 != 0 else math.nan
+    return gain, (gain * s2 - y1) / amplitude
+
+
+def load_integrals(
+    s1: float, s2: float, s3: float, y1: float, y2: float, u_end: float
+) -> tuple[float, float, float, float]:
+    """Size [OP], age of the onset [s before the end], gain and T0 from a load step's integrals (derived).
+
+    ``Ad = -u(inf)``, ``L = -S1/Ad``, ``mu = Y1/(S2 + Ad L^2/2)``, ``T0 = (mu (S3 + Ad L^3/6) - Y2)/Y1``.
+    Under noise size and onset stay good, T0 does not.
+    """
+    size = -u_end
+    age = -s1 / size
+    gain = y1 / (s2 + size * age**2 / 2)
+    return size, age, gain, (gain * (s3 + size * age**3 / 6) - y2) / y1
+
+
+def fit_window(window: Array, before: int, process: str) -> Fit | None:
+    """Fit the half-rule model of one kind of process to a window.
+
+    Parameters
+    ----------
+    window
+        (n, 4): time [s], SP [PV], PV [PV], OP held until the next point [OP].
+    before
+        Points before the onset; the output's rest value is taken from them.
+    process
+        ``integrating``: ``y = mu F(lag, dead time)[int u] + c0 + c1 t`` (c1: a load that OP did not balance);
+        ``self-regulating``: ``y = K F(lag, lag2, dead time)[u] + c0``.
+
+    Returns
+    -------
+    Fit or None
+        None where OP or PV did not move, or the window is too short to tell (fewer than 12 points).
+    """
+    n = len(window)
+    if n < 12:
+        return None
+    t = np.ascontiguousarray(window[:, 0])
+    y = np.ascontiguousarray(window[:, 2])
+    rest = np.mean(window[: max(before, 1), 3])
+    u = np.ascontiguousarray(window[:, 3]) - rest
+    if not np.any(u) or np.ptp(y) == 0:
+        return None
+    kind = 0 if process == INTEGRATING else 1
+    best = _search(t, u, y, kind)
+    if not np.isfinite(best[0]):
+        return None
+    return _fit_at(t, u, y, kind, best)
+
+
+def _fit_at(t: Array, u: Array, y: Array, kind: int, best: Array) -> Fit | None:
+    """Gain, quality and covariance at the optimum found."""
+    dead_time, lag, lag2 = (float(v) for v in best[1:4])
+    columns = _jacobian(t, u, y, kind, dead_time, lag, lag2)  # x, dy/dlag, dy/ddead_time; projected
+    gain = float(best[4])
+    if gain == 0.0:
+        return None
+    residual = _residual(t, u, y, kind, dead_time, lag, lag2)
+    rss = float(residual @ residual)
+    spread = float(np.sum((y - y.mean()) ** 2))
+    n_eff = len(t) / correlation_time(residual)
+    variance = rss / max(len(t) - 6, 1)
+    j = columns * np.array([gain, 1.0, 1.0])
+    # pinv: a lag of zero beside a dead time of less than a sample leaves directions that the data cannot see
+    cov = np.linalg.pinv(j.T @ j, rcond=1e-12) * variance * (len(t) / n_eff)
+    t0 = lag + lag2 + dead_time
+    step = float(np.median(np.diff(t)))
+    time_floor = (FLOOR_TIME * max(dead_time, 0.3 * t0)) ** 2 + (0.1 * step) ** 2
+    cov = cov + np.diag([FLOOR_LN_GAIN**2, time_floor, time_floor])
+    return Fit(
+        process=INTEGRATING if kind == 0 else SELF_REGULATING,
+        gain=gain,
+        lag=lag,
+        dead_time=dead_time,
+        lag2=lag2,
+        cov=cov,
+        quality=1.0 - rss / spread,
+        log_likelihood=-0.5 * n_eff * math.log(max(rss / len(t), 1e-24 * spread)),
+        sigma=math.sqrt(variance),
+    )
+
+
+def decide(fits: list[Fit]) -> tuple[Fit | None, bool]:
+    """Return the better of the fits of one window, and whether it is better beyond doubt."""
+    if not fits:
+        return None, False
+    ranked = sorted(fits, key=lambda f: -f.log_likelihood)
+    if len(ranked) == 1:
+        return ranked[0], True
+    return ranked[0], ranked[0].log_likelihood - ranked[1].log_likelihood >= DECIDES
+
+
+def correlation_time(residual: Array) -> float:
+    """How many residuals carry the information of one (1 for white noise): 1 + 2 sum of autocorrelations.
+
+    Summed until they first fall below 0.05 (initial positive sequence, after Geyer 1992).
+    """
+    n = len(residual)
+    power = float(residual @ residual)
+    if power == 0.0:
+        return 1.0
+    total = 1.0
+    for lag in range(1, n // 3):
+        r = float(residual[lag:] @ residual[:-lag]) / power
+        if r < 0.05:
+            break
+        total += 2.0 * r
+    return min(total, n / 8)
+
+
+# ---------------------------------------------------------------------------------------------------
+# compiled from here on; kind 0 = integrating, 1 = self-regulating
+
+
+@jit
+def _lagged(t, u, tau):  # type: ignore[no-untyped-def]
+    """Response of 1/(tau s + 1) to the held input at the points themselves, from rest."""
+    z = np.zeros(len(t))
+    last, decay = -1.0, 0.0
+    for k in range(len(t) - 1):
+        dt = t[k + 1] - t[k]
+        if tau > 0.0:
+            if abs(dt - last) > 1e-9 * dt:  # an exponential costs more than all the rest
+                last, decay = dt, np.exp(-dt / tau)
+        else:
+            decay = 0.0
+        z[k + 1] = u[k] + (z[k] - u[k]) * decay
+    return z
+
+
+@jit
+def _response(t, u, kind, dead_time, lag, lag2):  # type: ignore[no-untyped-def]
+    """Response of the unit-gain model at the points: exact for held input, any dead time, uneven points."""
+    n = len(t)
+    x = np.zeros(n)
+    if kind == 1 and lag2 > 0.0 and abs(lag - lag2) < 1e-3 * lag:
+        lag2 = lag * (1.0 - 1e-3)  # the partial fractions below need two different lags
+    z1 = _lagged(t, u, lag)
+    z2 = _lagged(t, u, lag2) if kind == 1 and lag2 > 0.0 else z1
+    s = np.zeros(n)
+    for k in range(n - 1):
+        s[k + 1] = s[k] + u[k] * (t[k + 1] - t[k])
+    j = 0
+    last, e1, e2 = -1.0, 1.0, 1.0
+    for i in range(n):
+        at = t[i] - dead_time
+        if at <= t[0]:
+            continue
+        while j + 1 < n and t[j + 1] <= at:
+            j += 1
+        h = at - t[j]
+        if abs(h - last) > 1e-9 * (abs(h) + dead_time):
+            last = h
+            e1 = np.exp(-h / lag) if lag > 0.0 else 0.0
+            e2 = np.exp(-h / lag2) if lag2 > 0.0 else 0.0
+        a = u[j] + (z1[j] - u[j]) * e1
+        if kind == 0:  # the integral of a lag's output is the input's integral less tau times the output
+            x[i] = s[j] + u[j] * h - lag * a
+        elif lag2 > 0.0:
+            b = u[j] + (z2[j] - u[j]) * e2
+            x[i] = (lag * a - lag2 * b) / (lag - lag2)
+        else:
+            x[i] = a
+    return x
+
+
+@jit
+def _project(x, t, kind):  # type: ignore[no-untyped-def]
+    """Take mean (and, integrating, slope) out of a column, in place: c0 and c1 need no search."""
+    n = len(x)
+    x -= x.mean()
+    if kind == 0:
+        middle = t.mean()
+        top = bottom = 0.0
+        for i in range(n):
+            top += (t[i] - middle) * x[i]
+            bottom += (t[i] - middle) ** 2
+        slope = top / bottom
+        for i in range(n):
+            x[i] -= slope * (t[i] - middle)
+    return x
+
+
+@jit
+def _gain_and_rss(t, u, y, kind, dead_time, lag, lag2):  # type: ignore[no-untyped-def]
+    """Best gain and residual sum of squares at these times; ``y`` is projected already."""
+    x = _project(_response(t, u, kind, dead_time, lag, lag2), t, kind)
+    xx = xy = 0.0
+    for i in range(len(x)):
+        xx += x[i] * x[i]
+        xy += x[i] * y[i]
+    if xx <= 0.0:
+        return 0.0, np.inf
+    gain = xy / xx
+    rss = 0.0
+    for i in range(len(x)):
+        r = y[i] - gain * x[i]
+        rss += r * r
+    return gain, rss
+
+
+@jit
+def _residual(t, u, y, kind, dead_time, lag, lag2):  # type: ignore[no-untyped-def]
+    py = _project(y.copy(), t, kind)
+    x = _project(_response(t, u, kind, dead_time, lag, lag2), t, kind)
+    gain = (x * py).sum() / (x * x).sum()
+    return py - gain * x
+
+
+@jit
+def _jacobian(t, u, y, kind, dead_time, lag, lag2):  # type: ignore[no-untyped-def]
+    """(n, 3): the model's response, and PV's change per second of lag and of dead time; projected."""
+    py = _project(y.copy(), t, kind)
+    out = np.empty((len(t), 3))
+    x = _project(_response(t, u, kind, dead_time, lag, lag2), t, kind)
+    gain = (x * py).sum() / (x * x).sum()
+    out[:, 0] = x
+    step = 1e-3 * (lag + dead_time) + 1e-3 * (t[-1] - t[0]) / len(t)
+    low = max(lag - step, 0.0)
+    a = _response(t, u, kind, dead_time, lag + step, lag2)
+    b = _response(t, u, kind, dead_time, low, lag2)
+    out[:, 1] = _project((a - b) * (gain / (lag + step - low)), t, kind)
+    low = max(dead_time - step, 0.0)
+    a = _response(t, u, kind, dead_time + step, lag, lag2)
+    b = _response(t, u, kind, low, lag, lag2)
+    out[:, 2] = _project((a - b) * (gain / (dead_time + step - low)), t, kind)
+    return out
+
+
+@jit
+def _search(t, u, y, kind):  # type: ignore[no-untyped-def]
+    """Best (rss, dead time, lag, lag2, gain): a coarse grid, then Nelder-Mead."""
+    py = _project(y.copy(), t, kind)
+    span = t[-1]
+    step = (t[-1] - t[0]) / len(t)
+    best = np.array([np.inf, 0.0, step, 0.0, 0.0])
+    m = 12
+    thin = max(len(t) // 200, 1)  # the grid only has to find the valley
+    tt, uu = _thinned(t, u, thin)
+    yy = _project(y[::thin].copy()[: len(tt)], tt, kind)
+    longest = span if kind == 1 else 0.5 * span
+    for a in range(m):
+        dead_time = 0.0 if a == 0 else step * (0.5 * span / step) ** ((a - 1) / (m - 1))
+        for b in range(m):
+            lag = 0.0 if b == 0 else step * (longest / step) ** ((b - 1) / (m - 1))
+            gain, rss = _gain_and_rss(tt, uu, yy, kind, dead_time, lag, 0.0)
+            if rss < best[0]:
+                best[0], best[1], best[2], best[4] = rss, dead_time, lag, gain
+    best[0] = np.inf
+    dim = 2 if kind == 0 else 3
+    for _ in range(2):  # a second start from the first one's end frees a collapsed simplex
+        best = _nelder_mead(t, u, py, kind, best, dim, step, longest)
+    return best
+
+
+@jit
+def _thinned(t, u, thin):  # type: ignore[no-untyped-def]
+    """Every thin-th point, OP as the mean over the points dropped."""
+    n = (len(t) + thin - 1) // thin
+    tt, uu = np.empty(n), np.empty(n)
+    for k in range(n):
+        tt[k] = t[k * thin]
+        end = min((k + 1) * thin, len(t) - 1)
+        area = 0.0
+        for j in range(k * thin, end):
+            area += u[j] * (t[j + 1] - t[j])
+        uu[k] = area / (t[end] - tt[k]) if t[end] > tt[k] else u[k * thin]
+    return tt, uu
+
+
+@jit
+def _cost(t, u, py, kind, p, longest):  # type: ignore[no-untyped-def]
+    """Residual sum of squares at p = (dead time, lag, lag2), folded to positive times and bounded."""
+    if abs(p[0]) > longest or abs(p[1]) > 20.0 * longest or abs(p[2]) > longest:
+        return np.inf
+    return _gain_and_rss(t, u, py, kind, abs(p[0]), abs(p[1]), abs(p[2]))[1]
+
+
+@jit
+def _nelder_mead(t, u, py, kind, start, dim, step, longest):  # type: ignore[no-untyped-def]
+    """Downhill simplex (Nelder & Mead 1965) in (dead time, lag[, lag2])."""
+    points = np.zeros((dim + 1, 3))
+    values = np.empty(dim + 1)
+    scale = 0.2 * (start[1] + start[2]) + 0.2 * step
+    for k in range(dim + 1):
+        points[k] = start[1:4]
+        if k > 0:
+            points[k, k - 1] += scale
+        values[k] = _cost(t, u, py, kind, points[k], longest)
+    for _ in range(120):
+        order = np.argsort(values)
+        points, values = points[order], values[order]
+        if values[-1] - values[0] <= 1e-10 * values[0] or np.abs(points[-1] - points[0]).max() < 1e-7 * step:
+            break
+        centre = np.zeros(3)
+        for k in range(dim):
+            centre += points[k] / dim
+        trial = centre + (centre - points[-1])
+        value = _cost(t, u, py, kind, trial, longest)
+        if value < values[0]:
+            far = centre + 2.0 * (centre - points[-1])
+            far_value = _cost(t, u, py, kind, far, longest)
+            if far_value < value:
+                trial, value = far, far_value
+        elif value >= values[-2]:
+            trial = centre + 0.5 * ((trial if value < values[-1] else points[-1]) - centre)
+            value = _cost(t, u, py, kind, trial, longest)
+            if value >= values[-1]:
+                for k in range(1, dim + 1):
+                    points[k] = points[0] + 0.5 * (points[k] - points[0])
+                    values[k] = _cost(t, u, py, kind, points[k], longest)
+                continue
+        points[-1], values[-1] = trial, value
+    k = np.argmin(values)
+    out = np.empty(5)
+    out[1:4] = np.abs(points[k])
+    if dim == 3 and out[3] > out[2]:
+        out[2], out[3] = out[3], out[2]
+    gain, rss = _gain_and_rss(t, u, py, kind, out[1], out[2], out[3])
+    out[0], out[4] = rss, gain
+    return out

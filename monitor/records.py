@@ -1,0 +1,154 @@
+"""What goes out: events, assessments, and each loop's row. Plain facts, no behaviour but naming.
+
+Field names and order are the columns of the audit's tables and the keys of the JSON on the wire. A figure that
+the data cannot carry is None. Times are integer nanoseconds here and take the reader's form at the edge.
+"""
+
+from __future__ import annotations
+
+import hashlib
+
+import msgspec
+
+GOOD, RETUNE, INCONCLUSIVE, NOT_ASSESSED = "good", "retune", "inconclusive", "not_assessed"
+WORST_FIRST = (RETUNE, INCONCLUSIVE, GOOD, NOT_ASSESSED)
+
+TIMES = ("start", "end")
+"""Fields that hold times [ns since 1970]."""
+
+
+def event_id(loop: str, onset: int) -> str:
+    """Id of the event that the loop's sample at ``onset`` [ns] opened: the same live and in any audit."""
+    return hashlib.blake2b(f"{loop}\n{onset}".encode(), digest_size=8).hexdigest()
+
+
+class Event(msgspec.Struct, frozen=True, kw_only=True):
+    """An event has opened (``state`` is ``open``) or closed."""
+
+    id: str
+    loop: str
+    kind: str
+    state: str
+    start: int
+    end: int | None
+    amplitude: float
+    """Ar [PV] of a set-point step, Ad [OP] of a load step."""
+
+
+class Assessment(msgspec.Struct, frozen=True, kw_only=True):
+    """One event, judged: a row of ``events.parquet``."""
+
+    loop: str
+    id: str
+    event: int
+    kind: str
+    start: int
+    end: int
+    state: str
+    amplitude: float
+    iae: float | None = None
+    ci: float | None = None
+    process: str = "undecided"
+    gain: float | None = None
+    gain_lo: float | None = None
+    gain_hi: float | None = None
+    t0: float | None = None
+    t0_lo: float | None = None
+    t0_hi: float | None = None
+    dead_time: float | None = None
+    dead_time_lo: float | None = None
+    dead_time_hi: float | None = None
+    lag: float | None = None
+    lag_lo: float | None = None
+    lag_hi: float | None = None
+    method: str | None = None
+    fit: float | None = None
+    coverage: float | None = None
+    verdict: str
+    reason: str
+    ms: float | None = None
+    """Peak sensitivity of the settings then in force on this event's model; None where unknown or unstable."""
+    gain_integrals: float | None = None
+    """Gain by the running integrals alone, the fit's independent check."""
+    t0_integrals: float | None = None
+    """T0 by the running integrals alone [s]."""
+
+
+class LoopRow(msgspec.Struct, kw_only=True):
+    """One loop as it stands: a row of ``loops.parquet``."""
+
+    loop: str
+    verdict: str = NOT_ASSESSED
+    reason: str = ""
+    action: str = ""
+    events: int = 0
+    ci_setpoint: float | None = None
+    ci_load: float | None = None
+    ms: float | None = None
+    process: str | None = None
+    gain: float | None = None
+    gain_lo: float | None = None
+    gain_hi: float | None = None
+    t0: float | None = None
+    t0_lo: float | None = None
+    t0_hi: float | None = None
+    dead_time: float | None = None
+    dead_time_lo: float | None = None
+    dead_time_hi: float | None = None
+    lag: float | None = None
+    lag_lo: float | None = None
+    lag_hi: float | None = None
+    rule: str | None = None
+    form: str | None = None
+    new_kp: float | None = None
+    new_ti: float | None = None
+    """Integral time [s]; inf = none (null in JSON)."""
+    new_td: float | None = None
+    new_tf: float | None = None
+    new_ki: float | None = None
+    new_kd: float | None = None
+    new_fields: str | None = None
+    new_ms: float | None = None
+    new_ms_worst: float | None = None
+    new_ci: float | None = None
+    new_op_noise: float | None = None
+    new_op_noise_abs: float | None = None
+    stages: str | None = None
+    coverage: float | None = None
+    saturation: float | None = None
+    manual: float | None = None
+    offset: float | None = None
+    noise: float | None = None
+    quantum: float | None = None
+    travel_per_hour: float | None = None
+    reversals_per_hour: float | None = None
+    oscillation_period: float | None = None
+    oscillation_regularity: float | None = None
+    stiction: float | None = None
+    harris: float | None = None
+    compression: float | None = None
+    flags: tuple[str, ...] = ()
+
+
+class Suggestion(msgspec.Struct, frozen=True, kw_only=True):
+    """A loop's row when its verdict is ``retune`` with settings, and the ids of the events it rests on."""
+
+    row: LoopRow
+    evidence: tuple[str, ...]
+
+
+class Window(msgspec.Struct, frozen=True, kw_only=True):
+    """The evidence of an event: its samples and the model's response over them. Columns of equal length."""
+
+    id: str
+    loop: str
+    time: tuple[int, ...]
+    sp: tuple[float, ...]
+    pv: tuple[float, ...]
+    op: tuple[float, ...]
+    model: tuple[float | None, ...]
+    """PV as the fitted model gives it from OP [PV]; empty without a fit."""
+    onset: int
+
+
+Record = Event | Assessment | Suggestion | Window

@@ -1,0 +1,91 @@
+"""What comes in: columns of samples. The only form in which data reaches the engine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+GOOD = 192
+"""OPC quality from which a sample counts as good."""
+UNCERTAIN = 64
+"""OPC quality from which a sample is used, but counted as uncertain; below it is bad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """N samples of any number of loops; each loop's own times increase strictly.
+
+    Missing values are NaN. ``time`` is in integer nanoseconds since 1970 (UTC), because a float of
+    epoch seconds cannot hold a microsecond and live and audit must see the same instants.
+    """
+
+    loop: NDArray[np.int32]
+    """(N,) row of the loop table."""
+    time: NDArray[np.int64]
+    """(N,) [ns] since 1970-01-01 UTC."""
+    sp: NDArray[np.float64]
+    """(N,) set point [PV]."""
+    pv: NDArray[np.float64]
+    """(N,) process variable [PV]."""
+    op: NDArray[np.float64]
+    """(N,) controller output, held until the loop's next sample [OP]."""
+    auto: NDArray[np.bool_]
+    """(N,) False where the loop is in manual."""
+    quality: NDArray[np.uint8]
+    """(N,) OPC quality code; 192 and above is good, below 64 bad."""
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def take(self, rows: Any) -> Samples:
+        """Return the samples of these rows (index array, mask or slice)."""
+        return Samples(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    @classmethod
+    def of(
+        cls,
+        loop: Any,
+        time: Any,
+        sp: Any,
+        pv: Any,
+        op: Any,
+        auto: Any = None,
+        quality: Any = None,
+    ) -> Samples:
+        """Make samples of anything array-like; a scalar ``loop`` stands for all rows.
+
+        Raises
+        ------
+        ValueError
+            A column's length differs from that of ``time``.
+        """
+        t = np.ascontiguousarray(time, dtype=np.int64)
+        n = len(t)
+
+        def column(name: str, values: Any, dtype: Any) -> NDArray[Any]:
+            out = np.ascontiguousarray(
+                np.broadcast_to(
+                    np.asarray(values, dtype=dtype), (n,) if np.ndim(values) == 0 else np.shape(values)
+                )
+            )
+            if out.shape != (n,):
+                raise ValueError(f"samples: column {name} has shape {out.shape}, expected ({n},)")
+            return out
+
+        return cls(
+            column("loop", loop, np.int32),
+            t,
+            column("sp", sp, np.float64),
+            column("pv", pv, np.float64),
+            column("op", op, np.float64),
+            column("auto", True if auto is None else auto, np.bool_),
+            column("quality", GOOD if quality is None else quality, np.uint8),
+        )
+
+
+def join(parts: list[Samples]) -> Samples:
+    """Put batches one behind the other."""
+    return Samples(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Samples)))

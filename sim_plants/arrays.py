@@ -118,7 +118,9 @@ def _places(loop: LoopSpec, step: Discrete, pool: _Pool) -> dict[str, int]:
 
 def _moves(loop: LoopSpec, schedule: Steps) -> list[tuple[int, float, int]]:
     """Return the steps that act at samples, as rows of `kernel.STEP`."""
-    return [(loop.sample_at(time), size, 0) for time, size in zip(schedule.times, schedule.sizes, strict=True)]
+    return [
+        (loop.sample_at(time), size, 0) for time, size in zip(schedule.times, schedule.sizes, strict=True)
+    ]
 
 
 def _loads(loop: LoopSpec, step: Discrete, pool: _Pool) -> list[tuple[int, float, int]]:

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal, Self, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +65,9 @@ class Controller:
         if self.form not in get_args(Form):
             raise ValueError(f"form: {self.form!r}, expected one of {', '.join(get_args(Form))}")
         if self.anti_windup not in get_args(AntiWindup):
-            raise ValueError(f"anti_windup: {self.anti_windup!r}, expected one of {', '.join(get_args(AntiWindup))}")
+            raise ValueError(
+                f"anti_windup: {self.anti_windup!r}, expected one of {', '.join(get_args(AntiWindup))}"
+            )
         if not (math.isfinite(self.kp) and self.kp != 0):
             raise ValueError(f"kp: {self.kp!r}, expected a finite number other than 0")
         if not self.ti > 0:
@@ -79,11 +81,6 @@ class Controller:
                 raise ValueError(f"{field}: {getattr(self, field)!r}, expected a finite number")
         if not self.op_low < self.op_high:
             raise ValueError(f"op_low: {self.op_low!r}, expected a number below op_high ({self.op_high!r})")
-
-    @classmethod
-    def parallel(cls, kp: float, ki: float, kd: float = 0.0, **others: float) -> Self:
-        """Controller from parallel gains: `kp` [OP/PV], `ki` [OP/(PV s)], `kd` [OP s/PV]."""
-        return cls(kp, kp / ki if ki else math.inf, kd / kp, form="parallel", **others)  # type: ignore[arg-type]
 
     @property
     def filter_time(self) -> float:

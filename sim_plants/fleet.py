@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim_plants.controllers import Controller
+from sim_plants.controllers import Controller, Form
 from sim_plants.margins import settling_time
 from sim_plants.plants import Plant, Process
 from sim_plants.settings import TUNINGS, draw, robust_simc, simc
@@ -43,10 +43,13 @@ _KINDS = (
     _Kind("T", 0.15, "self-regulating", (4.0, 50.0), (1, 3), (1.0, 12.0), _TEMPERATURE),
 )
 
+_FORMS: tuple[Form, ...] = ("standard", "series", "parallel")
+
 # Loops in one area of a plant, which the hundreds of their tags count.
 _AREA = 20
-# SIMC gain of a fleet's loops [% OP / % PV], logarithmic: what is found in plants.
+# SIMC gain of integrating loops [% OP / % PV], gain of the other processes [% PV / % OP], logarithmic.
 _FACEPLATE_GAIN = (0.3, 10.0)
+_STATIC_GAIN = (0.5, 3.0)
 # Largest jump of OP that a set-point step gives, and largest load step [% OP].
 _LARGEST_JUMP, _LARGEST_LOAD = 25.0, 15.0
 # Steps are this many settling times apart.
@@ -99,7 +102,11 @@ def _round(value: float) -> float:
 
 
 def _loop(
-    rng: np.random.Generator, i: int, noise: tuple[float, float], period: float | None, mix: Mapping[str, float]
+    rng: np.random.Generator,
+    i: int,
+    noise: tuple[float, float],
+    period: float | None,
+    mix: Mapping[str, float],
 ) -> LoopSpec:
     kind = _KINDS[rng.choice(len(_KINDS), p=[kind.share for kind in _KINDS])]
     low, high, unit = kind.ranges[rng.integers(len(kind.ranges))]
@@ -115,7 +122,7 @@ def _loop(
     settings = draw(rng, plant, period, base, tuning)
     settings = replace(settings, kp=_round(settings.kp), ti=_round(settings.ti), td=_round(settings.td))
     settings = replace(settings, op_low=0.0, op_high=100.0)
-    step = _step(rng, settings, span)
+    step = _step(rng, plant, settings, span)
     load = min(_round(rng.uniform(0.5, 1.2) * step * abs(settings.kp)), _LARGEST_LOAD)
     objective: Objective = ("both", "setpoint", "load")[rng.choice(3, p=(0.7, 0.1, 0.2))]
     setpoint, loads = schedules(rng, plant, settings, period, step, load, objective)
@@ -139,16 +146,18 @@ def _loop(
 
 
 def _plant(rng: np.random.Generator, kind: _Kind, span: float) -> Plant:
-    """Draw a plant whose SIMC gain, seen on a faceplate, is a usual one."""
+    """Draw a plant that its valve can move, and whose gain asks for a usual controller."""
     dead_time = _log(rng, *kind.dead_time)
     count = int(rng.integers(kind.lags[0], kind.lags[1] + 1))
     total = dead_time * _log(rng, *kind.lag_ratio)
     shares = np.sort(rng.dirichlet(np.full(count, 0.7)))[::-1] if count else np.zeros(0)
     lags = tuple(_round(total * max(float(share), 0.02)) for share in shares)
     unit = Plant(kind.process, 1.0, _round(dead_time), lags)
-    wished = _log(rng, *_FACEPLATE_GAIN) * 100 / span  # [OP/PV]
     sign = -1 if rng.random() < 0.4 else 1
-    return replace(unit, gain=_round(sign * simc(unit, 1.0).kp / wished))
+    # On an integrator, the range of the gains follows from that of the controllers.
+    of_controller, of_process = _log(rng, *_FACEPLATE_GAIN), _log(rng, *_STATIC_GAIN)
+    gain = simc(unit, 1.0).kp / of_controller if unit.integrating else of_process
+    return replace(unit, gain=_round(sign * gain * span / 100))
 
 
 def _base(rng: np.random.Generator, plant: Plant, period: float) -> Controller:
@@ -158,14 +167,16 @@ def _base(rng: np.random.Generator, plant: Plant, period: float) -> Controller:
     if not derivative:
         base = robust_simc(plant, period, form="parallel" if rng.random() < 0.1 else "standard")
         return replace(base, b=0.0) if rng.random() < 0.06 else base
-    base = robust_simc(plant, period, derivative=True, form=rng.choice(["standard", "series", "parallel"]))
+    base = robust_simc(plant, period, derivative=True, form=_FORMS[rng.integers(3)])
     b, c = ((1.0, 1.0), (1.0, 0.0), (0.0, 0.0))[rng.choice(3, p=(0.4, 0.5, 0.1))]
     return replace(base, b=b, c=c)
 
 
-def _step(rng: np.random.Generator, settings: Controller, span: float) -> float:
-    """Draw a set-point step [PV] that does not drive the output into its limits."""
-    jump = abs(settings.kp) * (settings.b + (settings.c * 10 if settings.td else 0.0)) or abs(settings.kp)
+def _step(rng: np.random.Generator, plant: Plant, settings: Controller, span: float) -> float:
+    """Draw a set-point step [PV] that does not drive the output into its limits, at once or in the end."""
+    jump = abs(settings.kp) * max(settings.b, settings.c * 10 if settings.td else 0.0, 0.5)
+    if not plant.integrating:
+        jump = max(jump, 1 / abs(plant.gain))
     return _round(min(span * rng.uniform(0.02, 0.08), _LARGEST_JUMP / jump))
 
 

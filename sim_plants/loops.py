@@ -39,7 +39,7 @@ class Block:
     @property
     def time(self) -> NDArray[np.float64]:
         """(N,) [s] since 1970-01-01 UTC."""
-        return self.time_ns * 1e-9
+        return np.asarray(self.time_ns * 1e-9, dtype=np.float64)
 
     def rows(self, which: slice | NDArray[np.bool_] | NDArray[np.intp]) -> "Block":
         """Return some of the rows."""
@@ -91,9 +91,8 @@ class Simulation:
         until = self.elapsed_ns + round(seconds * 1e9 / TICK_NS) * TICK_NS
         rows = self._arrays.loops
         n = int((-(-np.maximum(until - rows["due_ns"], 0) // rows["period_ns"])).sum())
-        out = kernel.Columns(
-            np.empty(n, np.int32), np.empty(n, np.int64), *np.empty((3, n)), np.empty(n, np.bool_)
-        )
+        sp, pv, op = np.empty((3, n))
+        out = kernel.Columns(np.empty(n, np.int32), np.empty(n, np.int64), sp, pv, op, np.empty(n, np.bool_))
         if n:
             kernel.advance(rows, self._arrays.plan, self._arrays.pool, self.start_ns, until, out)
         self.elapsed_ns = max(until, self.elapsed_ns)

@@ -43,7 +43,7 @@ def _gain(plant: Plant, controller: Controller) -> float:
 
 
 def margin(plant: Plant, controller: Controller, period: float) -> Margin:
-    """Stability and peak sensitivity of the sampled loop, the hold counted as half a `period` [s] of dead time."""
+    """Judge the sampled loop; the hold of the output counts as half a `period` [s] of dead time."""
     if _gain(plant, controller) <= 0:
         return Margin(stable=False, ms=np.inf, omega=np.nan)
     omega = _grid(plant, controller, period)
@@ -51,7 +51,8 @@ def margin(plant: Plant, controller: Controller, period: float) -> Margin:
 
 
 def _loop(omega: Floats, plant: Plant, controller: Controller, period: float) -> NDArray[np.complex128]:
-    return plant.response(omega) * controller.response(omega) * np.exp(-0.5j * omega * period)
+    held: NDArray[np.complex128] = np.exp(-0.5j * omega * period)
+    return plant.response(omega) * controller.response(omega) * held
 
 
 def _integrators(plant: Plant, controller: Controller) -> int:

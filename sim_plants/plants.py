@@ -59,7 +59,9 @@ class Plant:
         if self.order == 0:
             raise ValueError("lags: [], expected at least one lag for a self-regulating process")
         if len(self.inverse) >= self.order:
-            raise ValueError(f"inverse: {list(self.inverse)!r}, expected fewer zeros than poles ({self.order})")
+            raise ValueError(
+                f"inverse: {list(self.inverse)!r}, expected fewer zeros than poles ({self.order})"
+            )
 
     @property
     def integrating(self) -> bool:

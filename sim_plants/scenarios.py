@@ -32,7 +32,7 @@ def _limited(controller: Controller) -> Controller:
 
 
 def pumped_tank(seed: int) -> list[LoopSpec]:
-    """Level of the pumped tank under the three settings that Rice and Cooper print, a set-point step each way.
+    """Level of the pumped tank under three settings that Rice and Cooper give, with steps each way.
 
     Steps and operating point (0.5 m about 4.8 m) are ours.
     """
@@ -109,8 +109,24 @@ def _demo_cases() -> list[tuple[str, str, Plant, Controller, float, float, str]]
         ("LIC-104", "rolling", drum, Controller(0.6, 0.8 / (0.03 * 0.6)), 100.0, 4.0, "%"),
         ("LIC-105", "published", _TANK, _tank_pi(), 10.0, 0.5, "m"),
         ("LIC-106", "good", small, replace(robust_simc(small, 1.0), b=0.0), 2.0, 0.1, "m"),
-        ("PIC-205", "aggressive", gas, at_sensitivity(gas, Controller(10.0, 30.0), 1.0, 4.0), 10.0, 0.3, "bar"),
-        ("PIC-206", "good", steam, replace(robust_simc(steam, 1.0, True, "series"), c=0.0), 600.0, 20.0, "kPa"),
+        (
+            "PIC-205",
+            "aggressive",
+            gas,
+            at_sensitivity(gas, Controller(10.0, 30.0), 1.0, 4.0),
+            10.0,
+            0.3,
+            "bar",
+        ),
+        (
+            "PIC-206",
+            "good",
+            steam,
+            replace(robust_simc(steam, 1.0, True, "series"), c=0.0),
+            600.0,
+            20.0,
+            "kPa",
+        ),
         ("TIC-310", "good", oven, robust_simc(oven, 1.0), 200.0, 6.0, "degC"),
         ("TIC-311", "good", reactor, replace(robust_simc(reactor, 1.0, True), c=0.0), 150.0, 3.0, "degC"),
         ("FIC-402", "good", flow, robust_simc(flow, 1.0), 200.0, 10.0, "m3/h"),

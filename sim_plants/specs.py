@@ -46,7 +46,9 @@ class Steps:
             raise ValueError(f"sizes: {list(self.sizes)!r}, expected a finite number for each of the times")
         span = self.times[-1] - self.times[0] if self.times else 0.0
         if not (math.isfinite(self.repeat) and (self.repeat == 0 or self.repeat > span)):
-            raise ValueError(f"repeat: {self.repeat!r}, expected seconds above the span of the times ({span:g})")
+            raise ValueError(
+                f"repeat: {self.repeat!r}, expected seconds above the span of the times ({span:g})"
+            )
 
     def until(self, end: float) -> list[tuple[float, float]]:
         """Return (time [s], size) of each step before `end` [s]."""
@@ -161,7 +163,11 @@ class LoopSpec:
         for size in self.modes.sizes:
             level += int(size)
             need(level in (0, 1) and size in (-1, 1), "modes", "-1 (to manual) and +1 (to automatic) in turn")
-        need(level == self.auto or not self.modes.repeat, "modes", "to end in the mode it starts in, if repeated")
+        need(
+            level == self.auto or not self.modes.repeat,
+            "modes",
+            "to end in the mode it starts in, if repeated",
+        )
         for what in ("setpoint", "load", "modes", "output"):
             repeat = getattr(self, what).repeat
             whole = delay_of(repeat, self.true_period)[1] <= 1e-6 * self.period

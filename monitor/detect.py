@@ -26,6 +26,8 @@ WARM_UP = 20
 """Quiet samples before a baseline is trusted: the mean of 20 has 0.22 of one sample's noise."""
 RING = 64
 """Samples kept from before an event: baseline for the fit, and the picture's left margin."""
+LEAST_BEFORE = 8
+"""Samples of the window from before the onset, even where the loop was not at rest."""
 WINDOW = 1024
 """Points of an event's window; when full, every second one is dropped."""
 MAX_GAP = 3.5
@@ -36,6 +38,8 @@ STEP_REST = 3
 """Periods for which a set point must rest before its move counts as finished."""
 RAMP_REST = 20
 """Periods for which a moving set point must rest before the loop is looked at again."""
+AWAY = 500
+"""Samples outside its band after which a loop's baseline begins anew."""
 TIMEOUT = 10_000
 """Periods after which an event is given up."""
 SHORT = 0.2
@@ -65,7 +69,7 @@ PARAM = np.dtype([("period", _f), ("pv_min", _f), ("pv_max", _f), ("op_low", _f)
 
 STATE = np.dtype(
     [
-        *[(n, _i) for n in ("phase", "time", "seen", "warm", "based", "ringed", "slot", "auto")],
+        *[(n, _i) for n in ("phase", "time", "seen", "warm", "based", "away", "ringed", "slot", "auto")],
         *[(n, _f) for n in ("sp", "pv", "op", "dpv", "period")],
         *[
             (n, _f)
@@ -145,7 +149,7 @@ class Detector:
         found: list[tuple[Any, NDArray[np.float64]]] = []
         at = 0
         while at < len(samples):
-            self._make_room(samples, at)
+            self._make_room()
             at, n = _run(
                 self.state, self.param, self.ring, self.ring_time, self.slab, self.free, self.n_free, self.out,
                 samples.loop, samples.time, samples.sp, samples.pv, samples.op, samples.auto, samples.quality, at,
@@ -160,17 +164,15 @@ class Detector:
             found += self._drain(_flush(self.state, self.slab, self.free, self.n_free, self.out, row))
         return found
 
-    def _make_room(self, samples: Samples, at: int) -> None:
-        """Keep at least as many free slots as loops that could open an event before the next drain."""
-        wanted = min(len(self.state), len(samples) - at, len(self.out))
-        lack = wanted - int(self.n_free[0])
-        if lack > 0:
-            more = max(lack, len(self.slab) // 2)
-            n = len(self.slab)
-            self.slab = _grown(self.slab, n + more)
-            self.free = np.concatenate([self.free[: self.n_free[0]], np.arange(n + more - 1, n - 1, -1)])
-            self.free = _grown(self.free, n + more)
-            self.n_free[0] += more
+    def _make_room(self) -> None:
+        """Have at least one free slot; the slab doubles, so that an upset of the whole plant costs few copies."""
+        if self.n_free[0] > 0:
+            return
+        n = len(self.slab)
+        more = min(max(n, 16), max(2 * len(self.state), 16))
+        self.slab = _grown(self.slab, n + more)
+        self.free = _grown(np.arange(n + more - 1, n - 1, -1), n + more)
+        self.n_free[0] = more
 
     def _drain(self, n: int) -> list[tuple[Any, NDArray[np.float64]]]:
         found = []
@@ -210,7 +212,8 @@ def _run(state, param, ring, ring_time, slab, free, n_free, out, loop, time, sp,
     """Run from sample ``at`` until the samples or the room for events end; return (next sample, events)."""
     n = 0
     for k in range(at, len(time)):
-        if n + 2 > len(out):  # one sample closes and opens at most one event each
+        # one sample closes one event, opens another, and takes one slot, at most
+        if n + 2 > len(out) or n_free[0] == 0:
             return k, n
         i = loop[k]
         s = state[i]
@@ -304,7 +307,7 @@ def _live(s, p, dt, gap, op):  # type: ignore[no-untyped-def]
 def _restart(s, sp, pv, op):  # type: ignore[no-untyped-def]
     """Begin anew after a gap, a mode change, or at the loop's first sample."""
     s.phase = WARMING
-    s.warm = s.based = s.ringed = 0
+    s.warm = s.based = s.away = s.ringed = 0
     s.mean_e = s.var_e = s.abs_e = s.var_s = s.var_d = 0.0
     s.short = s.mean_s = sp - pv
     s.quantum = 0.0
@@ -375,26 +378,38 @@ def _weight(dt, period):  # type: ignore[no-untyped-def]
 
 @jit
 def _listen(s, e, pv, op):  # type: ignore[no-untyped-def]
-    """Update the baseline of a quiet loop; what lies outside three sigma moves it by three sigma only."""
+    """Update the baseline of a quiet loop.
+
+    Values outside three sigma do not count (they are the disturbance, not the noise). A loop that stays
+    outside is one whose level or noise has changed: after a while its baseline begins anew.
+    """
+    known = s.warm > WARM_UP
+    away = abs(s.short - s.mean_s) > 5.0 * np.sqrt(s.var_s) + 0.5 * s.quantum
+    if known and away:
+        s.away += 1
+        s.based = 0
+        if s.away > AWAY:
+            s.warm = 0
+        return
+    s.away = 0
     s.warm += 1
-    s.based += 1
-    w = max(1.0 / s.warm, LONG)
-    d = e - s.mean_e if s.warm > 1 else 0.0
     if s.warm == 1:
-        s.mean_e, s.mean_s, s.short = e, e, e
-    if s.warm > WARM_UP:
-        d = _clip(d, 3.0 * np.sqrt(s.var_e))
-    s.mean_e += w * d
-    s.var_e += w * (d * d - s.var_e)
-    s.abs_e += w * (min(abs(e), 4.0 * np.sqrt(s.var_e) + abs(s.mean_e)) - s.abs_e)
+        s.mean_e, s.mean_s, s.short, s.abs_e = e, e, e, abs(e)
+        s.var_e = s.var_s = s.var_d = 0.0
+    w = max(1.0 / s.warm, LONG)
+    d = e - s.mean_e
+    if not known or d * d <= 9.0 * s.var_e or s.var_e == 0.0:
+        s.mean_e += w * d
+        s.var_e += w * (d * d - s.var_e)
+        s.abs_e += w * (abs(e) - s.abs_e)
     d = s.short - s.mean_s
-    if s.warm > WARM_UP:
-        d = _clip(d, 3.0 * np.sqrt(s.var_s))
     s.mean_s += w * d
     s.var_s += w * (d * d - s.var_s)
     # second differences see noise and hardly any process: var = 6 sigma^2 for white noise
     d = pv - s.pv - s.dpv
-    s.var_d += w * ((d * d if s.warm > 2 else 0.0) - s.var_d)
+    if s.warm > 2 and (not known or d * d <= 16.0 * s.var_d or s.var_d == 0.0):
+        s.var_d += w * (d * d - s.var_d)
+    s.based += 1
     w = max(1.0 / s.based, BASE)
     if s.based == 1:
         s.mean_pv, s.mean_op = pv, op
@@ -402,14 +417,6 @@ def _listen(s, e, pv, op):  # type: ignore[no-untyped-def]
     s.mean_op += w * (op - s.mean_op)
     if s.phase == WARMING and s.based >= WARM_UP:
         s.phase = QUIET
-
-
-@jit
-def _clip(d, limit):  # type: ignore[no-untyped-def]
-    # a floor of zero would freeze a signal that was constant at first: let it in slowly instead
-    if limit == 0.0:
-        return d
-    return min(max(d, -limit), limit)
 
 
 @jit
@@ -433,10 +440,9 @@ def _begin(s, ring, ring_time, slab, free, n_free, n, time):  # type: ignore[no-
     s.pv0 = s.mean_pv if based else s.pv
     s.op0 = s.mean_op if based else s.op
     s.sd_e, s.noise = np.sqrt(s.var_e), np.sqrt(s.var_d / 6.0)
-    # quiet: a baseline was seen, and the error lay in its band when the set point moved
-    band = 5.0 * np.sqrt(s.var_s) + 1e-6 * abs(s.sp)
-    s.quiet = 1.0 if s.based >= WARM_UP and abs(s.sp - s.pv - s.mean_e) <= max(band, 5.0 * s.sd_e) else 0.0
-    m = min(s.ringed, RING)
+    s.quiet = 1.0 if s.based >= WARM_UP else 0.0
+    # what lies before the loop came to rest belongs to another event
+    m = min(s.ringed, RING, max(s.based, LEAST_BEFORE))
     w = slab[s.slot]
     for j in range(m):
         k = (s.ringed - m + j) % RING
@@ -543,7 +549,9 @@ def _watch(s, slab, free, n_free, out, n, i, time, dt, e):  # type: ignore[no-un
     Away from zero (no integral action, saturation, or just a flat top) it has to lie four times as long.
     """
     size = abs(s.amplitude)
-    band = min(max(4.0 * np.sqrt(s.var_s), 0.5 * s.quantum, 1e-4 * size), 0.05 * size)
+    # the band of the short average when quiet; where that is not well known, 2 % of the step or white noise's
+    band = min(6.0 * np.sqrt(s.var_s), max(0.02 * size, 2.0 * s.noise))
+    band = max(band, 0.5 * min(s.quantum, size), 1e-4 * size)
     s.low, s.high = min(s.low, s.short), max(s.high, s.short)
     s.sum_e += e * dt
     s.sum_t += dt

@@ -8,7 +8,7 @@ suggestion rests on the fit; the integrals check it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numba
@@ -25,6 +25,8 @@ FLOOR_LN_GAIN = 0.01
 """One sigma of model mismatch in ln gain: a half-rule model of a fourth-order plant is 1 % off without noise."""
 FLOOR_TIME = 0.04
 """One sigma of model mismatch in lag and in dead time, as a share of the dead time (or of T0, if larger share)."""
+STAMP = 0.1
+"""One sigma of dead time and lag in sample periods: when within a period OP really moved is not in the data."""
 Z95 = 1.96
 DECIDES = 6.0
 """Difference of log-likelihoods (in effective samples) from which one kind of process is believed: 1 to 400."""
@@ -43,8 +45,10 @@ class Fit:
     """Effective dead time [s]."""
     lag2: float
     """Second lag of a self-regulating process, else 0 [s]."""
-    cov: Array
-    """(3, 3) covariance of (ln gain, lag, dead time), floors for model mismatch included."""
+    scatter: Array
+    """(3, 3) covariance of (ln |gain|, lag, dead time) by the residuals."""
+    floor: Array
+    """(3,) variances to add for model mismatch, which more data do not reduce."""
     quality: float
     """1 - residual variance / PV variance over the window."""
     log_likelihood: float
@@ -56,6 +60,11 @@ class Fit:
     def t0(self) -> float:
         """Sum of lags and dead time [s]."""
         return self.lag + self.lag2 + self.dead_time
+
+    @property
+    def cov(self) -> Array:
+        """(3, 3) covariance of (ln |gain|, lag, dead time), mismatch included."""
+        return self.scatter + np.diag(self.floor)
 
     def interval(self, name: str) -> tuple[float, float]:
         """Return the 95 % interval of ``gain``, ``lag``, ``dead_time`` or ``t0``."""
@@ -138,21 +147,22 @@ def _fit_at(t: Array, u: Array, y: Array, kind: int, best: Array) -> Fit | None:
     rss = float(residual @ residual)
     spread = float(np.sum((y - y.mean()) ** 2))
     n_eff = len(t) / correlation_time(residual)
-    variance = rss / max(len(t) - 6, 1)
+    variance = max(rss / max(len(t) - 6, 1), 1e-24 * spread)
     j = columns * np.array([gain, 1.0, 1.0])
-    # pinv: a lag of zero beside a dead time of less than a sample leaves directions that the data cannot see
-    cov = np.linalg.pinv(j.T @ j, rcond=1e-12) * variance * (len(t) / n_eff)
     t0 = lag + lag2 + dead_time
     step = float(np.median(np.diff(t)))
-    time_floor = (FLOOR_TIME * max(dead_time, 0.3 * t0)) ** 2 + (0.1 * step) ** 2
-    cov = cov + np.diag([FLOOR_LN_GAIN**2, time_floor, time_floor])
+    # lag and dead time are parts of T0: where the data cannot tell them apart, neither exceeds it by much
+    prior = np.diag([1e-2, *[1.0 / (t0 + step) ** 2] * 2])
+    cov = np.linalg.inv(j.T @ j / (variance * len(t) / n_eff) + prior)
+    time_floor = (FLOOR_TIME * max(dead_time, 0.3 * t0)) ** 2 + (STAMP * step) ** 2
     return Fit(
         process=INTEGRATING if kind == 0 else SELF_REGULATING,
         gain=gain,
         lag=lag,
         dead_time=dead_time,
         lag2=lag2,
-        cov=cov,
+        scatter=cov,
+        floor=np.array([FLOOR_LN_GAIN**2, time_floor, time_floor]),
         quality=1.0 - rss / spread,
         log_likelihood=-0.5 * n_eff * math.log(max(rss / len(t), 1e-24 * spread)),
         sigma=math.sqrt(variance),
@@ -167,6 +177,57 @@ def decide(fits: list[Fit]) -> tuple[Fit | None, bool]:
     if len(ranked) == 1:
         return ranked[0], True
     return ranked[0], ranked[0].log_likelihood - ranked[1].log_likelihood >= DECIDES
+
+
+def combine(fits: list[Fit]) -> Fit:
+    """Return one model for several events of a loop: the information-weighted mean of (ln |gain|, lag, dead time).
+
+    All fits are of one kind of process and one sign of gain. Scatter shrinks with the number of events, the
+    floor for model mismatch does not. A weighted mean, not a fit to all windows together.
+    """
+    if len(fits) == 1:
+        return fits[0]
+    weights = [np.linalg.inv(f.cov) for f in fits]
+    together = np.linalg.inv(np.sum(weights, axis=0))
+    mean = together @ np.sum(
+        [
+            w @ np.array([math.log(abs(f.gain)), f.lag, f.dead_time])
+            for w, f in zip(weights, fits, strict=True)
+        ],
+        axis=0,
+    )
+    floor = np.mean([f.floor for f in fits], axis=0)
+    best = max(fits, key=lambda f: f.quality)
+    return replace(
+        best,
+        gain=math.copysign(math.exp(mean[0]), best.gain),
+        lag=max(float(mean[1]), 0.0),
+        dead_time=max(float(mean[2]), 0.0),
+        lag2=float(np.mean([f.lag2 for f in fits])),
+        scatter=together,
+        floor=floor,
+    )
+
+
+def contradictory(fits: list[Fit], joint: Fit) -> bool:
+    """Whether an event's gain lies so far from the joint model that chance cannot explain it (4 sigma, 20 %)."""
+    for fit in fits:
+        if fit.gain * joint.gain < 0:
+            return True
+        sigma = math.sqrt(fit.cov[0, 0] + joint.cov[0, 0])
+        if abs(math.log(fit.gain / joint.gain)) > max(4.0 * sigma, 0.2):
+            return True
+    return False
+
+
+def model_response(window: Array, before: int, fit: Fit) -> Array:
+    """PV as the model gives it from the window's OP, offset (and slope, if integrating) fitted; (n,) [PV]."""
+    t, y = np.ascontiguousarray(window[:, 0]), window[:, 2]
+    u = np.ascontiguousarray(window[:, 3]) - np.mean(window[: max(before, 1), 3])
+    kind = 0 if fit.process == INTEGRATING else 1
+    x = fit.gain * _response(t, u, kind, fit.dead_time, fit.lag, fit.lag2)
+    rest = np.polynomial.polynomial.polyfit(t, y - x, 1 if kind == 0 else 0)
+    return np.asarray(x + np.polynomial.polynomial.polyval(t, rest), dtype=np.float64)
 
 
 def correlation_time(residual: Array) -> float:
@@ -294,7 +355,8 @@ def _jacobian(t, u, y, kind, dead_time, lag, lag2):  # type: ignore[no-untyped-d
     x = _project(_response(t, u, kind, dead_time, lag, lag2), t, kind)
     gain = (x * py).sum() / (x * x).sum()
     out[:, 0] = x
-    step = 1e-3 * (lag + dead_time) + 1e-3 * (t[-1] - t[0]) / len(t)
+    # a secant of 5 %: at a lag of zero the tangents of lag and dead time coincide
+    step = 0.05 * (lag + dead_time) + 0.05 * (t[-1] - t[0]) / len(t)
     low = max(lag - step, 0.0)
     a = _response(t, u, kind, dead_time, lag + step, lag2)
     b = _response(t, u, kind, dead_time, low, lag2)

@@ -1,0 +1,249 @@
+"""A model and a verdict to new settings, or to the reason why there are none.
+
+The reference rule of the loop's own structure, slowed down until it is safe for every model that the evidence
+allows, gentle enough on the valve, and within reach of the settings of today.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from tuners.models import IntegratingModel, Model, SelfRegulatingModel
+from tuners.responses import closed_loop_response
+from tuners.robustness import peak_sensitivity
+from tuners.settings import NotRepresentableError, Settings
+
+from .identify import INTEGRATING, Array, Fit
+from .loops import Loop
+from .reference import (
+    LOAD,
+    RULE,
+    SETPOINT,
+    closed_loop_time,
+    model_of,
+    reduced,
+    reference_iae,
+    reference_settings,
+    reference_structure,
+    settings_of,
+)
+
+SLOWEST = 64.0
+"""The closed-loop time is raised at most by this factor in search of a safe suggestion."""
+FURTHEST = 10.0
+"""A suggestion changes the gain by at most this factor: the evidence was seen with the settings of today."""
+STAGE = 3.0
+"""Factor in gain above which a change is given in stages."""
+GAIN_WORTH = 0.85
+"""A suggestion for speed must bring the predicted error below this share of today's."""
+REGION = math.sqrt(7.815)
+"""Radius, in sigma, of the 95 % region of three parameters (chi-squared, 3 degrees of freedom)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """Safe new settings and what they will do."""
+
+    rule: str
+    settings: Settings
+    """In the loop's own form."""
+    closed_loop_time: float
+    """tc for which they hold [s]."""
+    ms: float
+    ms_worst: float
+    """For the worst model inside the intervals."""
+    ci: float | None
+    """Predicted; by the loop's own reference."""
+    op_noise: float
+    """Standard deviation that PV's noise will put on OP [OP]."""
+    stages: list[Settings]
+    """Settings to go through; the last one is the suggestion."""
+
+
+@dataclass(frozen=True, slots=True)
+class Withheld:
+    """No suggestion, and why."""
+
+    reason: str
+    fine_as_it_is: bool = False
+    """The reason is that nothing is to be gained."""
+
+
+def advise(
+    loop: Loop, form: str, fit: Fit, noise: float, period: float, ms: float | None
+) -> Advice | Withheld:
+    """Find the fastest settings of the reference rule that are safe, gentle and in reach.
+
+    Parameters
+    ----------
+    loop
+        With the settings of today, where known.
+    form
+        Canonical form of the loop's controller: ``standard``, ``series``, ``parallel``.
+    fit
+        Process with its uncertainty; the suggestion holds for all of it.
+    noise
+        Standard deviation of PV's noise [PV].
+    period
+        Sample period, for the least closed-loop time and for the noise's way through the controller [s].
+    ms
+        Peak sensitivity of today's settings on the model, None where not known.
+    """
+    model = model_of(fit)
+    structure = reference_structure(loop)
+    tc = closed_loop_time(loop, reduced(model, structure), period)
+    times = tc * np.geomspace(1.0, SLOWEST, 25)
+    try:
+        candidates = [_candidate(loop, form, model, structure, float(time)) for time in times]
+    except (ValueError, NotRepresentableError) as error:
+        return Withheld(f"no settings of the rule {RULE[structure]} for this model: {error}")
+    many = _stack(candidates)
+    worst = np.max(peak_sensitivity(_region(fit), many), axis=0)
+    noises = op_noise(many, noise, period)
+    limits: list[tuple[str, Any]] = [
+        (f"Ms stays above {loop.ms_max:g} for the worst model inside the intervals", worst <= loop.ms_max)
+    ]
+    if loop.op_span is not None:
+        allowed = loop.op_noise_max / 100.0 * loop.op_span
+        limits.append((f"PV's noise would put more than {loop.op_noise_max:g} % on OP", noises <= allowed))
+    if loop.kp is not None:
+        ratio = np.abs(np.asarray(many.kp)[0] / loop.kp)
+        limits.append((f"the gain would change more than {FURTHEST:g} times at once", _within(ratio)))
+    fit_for_all = np.all([ok for _, ok in limits], axis=0)
+    if not fit_for_all.any():
+        failing = [why for why, ok in limits if not ok.any()] or [why for why, ok in limits if not ok.all()]
+        return Withheld("; ".join(failing))
+    k = int(np.argmax(fit_for_all))
+    return _worthwhile(
+        loop, form, fit, candidates[k], structure, tc, float(times[k]), float(worst[k]), float(noises[k]), ms
+    )
+
+
+def _within(ratio: Array) -> Any:
+    return (ratio <= FURTHEST) & (ratio >= 1.0 / FURTHEST)
+
+
+def _worthwhile(
+    loop: Loop, form: str, fit: Fit, new: Settings, structure: str, tc: float, time: float, worst: float,
+    noise: float, ms: float | None,
+) -> Advice | Withheld:  # fmt: skip
+    """Predict what the settings bring; withhold them where they bring nothing."""
+    model = model_of(fit)
+    kind = LOAD if loop.objective == LOAD else SETPOINT
+    predicted = closed_loop_response(model, new, kind=kind).iae
+    today = settings_of(loop, form)
+    safe_today = ms is not None and ms <= 1.25 * loop.ms_max
+    if today is not None and safe_today:
+        before = closed_loop_response(model, today, kind=kind).iae
+        if predicted > GAIN_WORTH * before:
+            return Withheld(
+                "as tight as the evidence allows: no safe settings are 15 % better", fine_as_it_is=True
+            )
+    try:
+        best = reference_iae(kind, 1.0, model, structure, tc, loop.b, loop.c)
+    except ValueError:
+        best = math.nan
+    ci = float(best / predicted) if math.isfinite(best) and predicted > 0 else None
+    ms_new = float(peak_sensitivity(model, new))
+    stages = [new] if today is None else _stages(model, today, new, max(loop.ms_max, ms or 0.0))
+    return Advice(RULE[structure], new, time, ms_new, worst, ci, noise, stages)
+
+
+def _candidate(loop: Loop, form: str, model: Model, structure: str, tc: float) -> Settings:
+    """Return the rule's settings in the loop's form with its filter ratio and weights, rounded as one types them."""
+    rule = reference_settings(model, structure, tc).to(form)
+    td = _rounded(float(rule.td))
+    ratio = loop.td / loop.filter_time if loop.td > 0 and loop.filter_time > 0 else 10.0
+    return Settings(
+        _rounded(float(rule.kp)),
+        _rounded(float(rule.ti)),
+        td,
+        td / ratio if td > 0 else 0.0,
+        form,
+        loop.b,
+        loop.c,
+    )
+
+
+def _rounded(value: float) -> float:
+    """Three significant digits: nobody types more, and the robustness stated is that of what is typed."""
+    return float(f"{value:.3g}") if math.isfinite(value) else value
+
+
+def _stack(settings: list[Settings]) -> Settings:
+    """Return one Settings with fields of shape (1, T), to be crossed with models of shape (M, 1)."""
+    columns = {n: np.array([[float(getattr(s, n)) for s in settings]]) for n in ("kp", "ti", "td", "tf")}
+    return Settings(form=settings[0].form, **columns)
+
+
+def _region(fit: Fit) -> Model:
+    """Return models on the surface of the fit's 95 % region, fields of shape (M, 1): centre, axes and corners.
+
+    The region lies in (ln |gain|, lag, dead time) with the joint covariance; times are cut at 0.
+    """
+    values, vectors = np.linalg.eigh(fit.cov)
+    axes = vectors * np.sqrt(np.maximum(values, 0.0))
+    directions = [np.zeros(3), *np.eye(3), *-np.eye(3)]
+    directions += [np.array(signs) / math.sqrt(3.0) for signs in product((-1.0, 1.0), repeat=3)]
+    points = REGION * np.array(directions) @ axes.T
+    gain = (fit.gain * np.exp(np.clip(points[:, 0], -20.0, 20.0)))[:, None]
+    lag = np.maximum(fit.lag + points[:, 1], 0.0)[:, None]
+    dead_time = np.maximum(fit.dead_time + points[:, 2], 0.0)[:, None]
+    if fit.process == INTEGRATING:
+        return IntegratingModel(gain, dead_time, lag)
+    return SelfRegulatingModel(gain, dead_time, lag, np.full_like(lag, fit.lag2))
+
+
+def op_noise(settings: Settings, noise: float, period: float) -> Array:
+    """Standard deviation of OP [OP] that white noise of PV [PV] causes through P and filtered D (derived).
+
+    With the backward difference, ``g = td/(tf + period)`` and ``a = tf/(tf + period)``, the controller's
+    response to one sample of noise is ``1 + g``, then ``-g (1 - a) a^(j-1)``; its squares sum to
+    ``(1 + g)^2 + g^2 (1 - a)/(1 + a)``. The integral's share is small and left out.
+    """
+    standard = settings.to("standard")
+    td, tf = np.asarray(standard.td), np.asarray(standard.filter_time)
+    g, a = td / (tf + period), tf / (tf + period)
+    power = (1.0 + g) ** 2 + g**2 * (1.0 - a) / (1.0 + a)
+    return np.asarray(np.abs(standard.kp) * np.sqrt(power) * noise).ravel()
+
+
+def _stages(model: Model, today: Settings, new: Settings, allowed: float) -> list[Settings]:
+    """Return steps of at most a factor of three in gain, each safe on the model by itself.
+
+    Gain and times may move together, or the integral first, or the gain first: the way whose worst stage is
+    safest is taken. One step where no way is safer than it.
+    """
+    n = max(math.ceil(abs(math.log(abs(float(new.kp) / float(today.kp)))) / math.log(STAGE)), 1)
+    if n == 1:
+        return [new]
+    shares = [k / n for k in range(1, n + 1)]
+    orders: list[Callable[[float], tuple[float, float]]] = [
+        lambda x: (x, x),
+        lambda x: (x, 1.0),  # times first
+        lambda x: (x, 1.0 if x == 1.0 else 0.0),  # gain first
+    ]
+    ways = [[_between(today, new, *order(x)) for x in shares] for order in orders]
+    peaks = [max(float(peak_sensitivity(model, s)) for s in way) for way in ways]
+    best = int(np.argmin(peaks))
+    return ways[best] if peaks[best] <= allowed else [new]
+
+
+def _between(today: Settings, new: Settings, gain_share: float, time_share: float) -> Settings:
+    """Return the settings a share of the way, by ratio; a time that is 0 or inf at either end takes the new value."""
+
+    def mix(name: str, share: float) -> float:
+        a, b = float(getattr(today, name)), float(getattr(new, name))
+        if share == 1.0 or not (0 < abs(a) < math.inf and 0 < abs(b) < math.inf) or a * b < 0:
+            return b
+        return _rounded(a * (b / a) ** share)
+
+    td = mix("td", time_share)
+    tf = mix("tf", time_share) if td > 0 else 0.0
+    return replace(new, kp=mix("kp", gain_share), ti=mix("ti", time_share), td=td, tf=tf)

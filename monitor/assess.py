@@ -1,0 +1,283 @@
+"""What an event says of its loop: the index, and a verdict with its reason in plain words.
+
+A verdict looks at speed (the closed-loop index CI) and at safety (peak sensitivity Ms of the current settings
+on the identified model). Where the evidence cannot carry either, it says so instead.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tuners.models import IntegratingModel, Model
+from tuners.robustness import peak_sensitivity
+from tuners.settings import NotRepresentableError, Settings
+
+from .detect import CAUSES, INTERRUPTED, SETTLED, STATES
+from .identify import INTEGRATING, SELF_REGULATING, Array, Fit, decide, fit_window, setpoint_integrals
+from .loops import Loop
+from .records import GOOD, INCONCLUSIVE, RETUNE, Assessment, event_id
+from .reference import SETPOINT, closed_loop_time, model_of, reduced, reference_iae, reference_structure
+
+LEAST_COVERAGE = 0.8
+"""Share of an event's time that must be covered by good samples."""
+MOST_SATURATION = 0.1
+"""Share of an event's time that OP may spend at a limit before its response is not used."""
+LEAST_FIT = 0.95
+"""Share of PV's variance that a model must explain before anything rests on it: 3 % of noise costs about 1 %,
+a load step in the middle of the window 10 % and more, and with it the gain is wrong by a factor."""
+WIDEST_GAIN = 2.0
+"""Ratio of the ends of the gain's 95 % interval above which no verdict and no suggestion rests on it."""
+LEAST_PERIODS = 4.0
+"""Sample periods that the response must last (IAE per unit of step) before its shape is judged."""
+RESOLVED = 3.0
+"""Sample periods that a self-regulating process's T0 must last (an integrator's slope is seen at any rate)."""
+MARGIN = 1.25
+"""A loop is flagged for robustness above this many times its ``ms_max``: the reference itself may lie near it."""
+TRAP = 2.0
+"""Kc K Ti below which an integrator under PI rolls (damping below 0.7); good rules lie at 2.4 to 4."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One assessed event, with what the loop's own verdict needs of it."""
+
+    record: Assessment
+    fit: Fit | None
+    usable: bool
+    """The fit may carry a suggestion."""
+    noise: float
+    """Standard deviation of PV's noise before the event [PV]."""
+    period: float
+    """[s]"""
+
+
+def assess_event(loop: Loop, form: str, event: Any, window: Array) -> Finding:
+    """Judge one closed event.
+
+    Parameters
+    ----------
+    loop
+        The loop's row; its settings are those in force during the event.
+    form
+        Canonical form of those settings (``standard``, ``series``, ``parallel``).
+    event
+        Row of dtype `detect.OUT`.
+    window
+        (n, 4) time [s], SP, PV [PV], OP held [OP].
+    """
+    fit, decided = _identify(loop, event, window)
+    against = _against(loop, event, fit, decided)
+    iae = float(event["iae"])
+    ci = None if fit is None or not decided else index(loop, event, fit)
+    model = model_of(fit) if fit is not None and decided else None
+    ms = current_sensitivity(loop, form, model)
+    if against:
+        verdict, reason = INCONCLUSIVE, "; ".join(against)
+    else:
+        assert fit is not None and model is not None  # noqa: S101, PT018 (what _against makes sure of)
+        verdict, reason = judge(loop, form, model, ci, ms, overshoot(event, window))
+        reason = "; ".join(filter(None, [reason, _ended(event)]))
+    gain_integrals, t0_integrals = _by_integrals(event, fit)
+    record = Assessment(
+        loop=loop.name,
+        id=event_id(loop.name, int(event["onset"])),
+        event=int(event["number"]),
+        kind=SETPOINT,
+        start=int(event["onset"]),
+        end=int(event["end"]),
+        state=STATES[event["state"]],
+        amplitude=float(event["amplitude"]),
+        iae=iae,
+        ci=ci,
+        process=fit.process if fit is not None and decided else "undecided",
+        method=None if fit is None else "direct",
+        fit=None if fit is None else fit.quality,
+        coverage=coverage(event),
+        verdict=verdict,
+        reason=reason,
+        ms=ms,
+        gain_integrals=gain_integrals,
+        t0_integrals=t0_integrals,
+        **({} if fit is None else model_fields(fit)),
+    )
+    return Finding(
+        record, fit, fit is not None and not against, float(event["noise"]), float(event["period"])
+    )
+
+
+def model_fields(fit: Fit) -> dict[str, float]:
+    """Return the model's columns: ``gain, t0, dead_time, lag``, each with ``_lo`` and ``_hi``.
+
+    A second lag counts half as lag, half as dead time (half rule, Skogestad 2003).
+    """
+    half = {"lag": fit.lag2 / 2, "dead_time": fit.lag2 / 2}
+    fields: dict[str, float] = {}
+    for name in ("gain", "t0", "dead_time", "lag"):
+        more = half.get(name, 0.0)
+        low, high = fit.interval(name)
+        fields |= {name: float(getattr(fit, name)) + more, f"{name}_lo": low + more, f"{name}_hi": high + more}
+    return fields
+
+
+def coverage(event: Any) -> float:
+    """Share of the event's time with good samples."""
+    return min(float(event["good"] / event["wall"]), 1.0) if event["wall"] > 0 else 0.0
+
+
+def _identify(loop: Loop, event: Any, window: Array) -> tuple[Fit | None, bool]:
+    """Fit the kinds of process that the loop may be; return the best and whether the kind is beyond doubt."""
+    kinds = [INTEGRATING, SELF_REGULATING] if loop.process == "auto" else [loop.process]
+    fits = [fit_window(window, int(event["before"]), kind) for kind in kinds]
+    return decide([f for f in fits if f is not None])
+
+
+def _by_integrals(event: Any, fit: Fit | None) -> tuple[float | None, float | None]:
+    """Gain and T0 by the running integrals, where they hold: an integrator, settled, from a quiet start."""
+    if fit is None or fit.process != INTEGRATING or STATES[event["state"]] != SETTLED or not event["quiet"]:
+        return None, None
+    gain, t0 = setpoint_integrals(*(float(event[n]) for n in ("amplitude", "s1", "s2", "y1")))
+    return (gain, t0) if math.isfinite(gain) else (None, None)
+
+
+def _against(loop: Loop, event: Any, fit: Fit | None, decided: bool) -> list[str]:
+    """Say why the evidence cannot carry a verdict; empty where it can."""
+    reasons = []
+    covered = coverage(event)
+    if covered < LEAST_COVERAGE:
+        reasons.append(f"only {covered:.0%} of the event is covered by good samples (at least 80 % needed)")
+    limited = float(event["saturated"] / event["wall"]) if event["wall"] > 0 else 0.0
+    if limited > MOST_SATURATION:
+        reasons.append(f"OP was at its limit for {limited:.0%} of the event (10 % allowed)")
+    size = abs(float(event["amplitude"]))
+    lasted = float(event["iae"] - event["iae_noise"]) / size
+    if lasted < LEAST_PERIODS * event["period"]:
+        reasons.append(
+            f"sampled too coarsely: the response lasts {lasted:.3g} s, the sample period is {event['period']:.3g} s"
+        )
+    offset = float(event["offset"])
+    if STATES[event["state"]] == SETTLED and abs(offset) > max(0.05 * size, 3.0 * event["sd_e"]):
+        why = (
+            "no integral action"
+            if loop.kp is not None and math.isinf(loop.ti)
+            else "no integral action, or OP held"
+        )
+        reasons.append(f"PV came to rest {offset:+.3g} [PV] away from the set point: {why}")
+    if fit is None:
+        return [*reasons, "no model: OP or PV did not move, or the event is too short"]
+    if not decided:
+        reasons.append("undecided: an integrating and a self-regulating model fit equally well")
+    if fit.quality < LEAST_FIT:
+        reasons.append(f"a model explains only {fit.quality:.0%} of PV's movement: something else moved it")
+    if fit.process == SELF_REGULATING and fit.t0 < RESOLVED * event["period"]:
+        reasons.append(
+            f"sampled too coarsely: T0 = {fit.t0:.3g} s cannot be seen with a sample period of {event['period']:.3g} s"
+        )
+    if loop.kp is not None and fit.gain * loop.kp < 0:
+        reasons.append(
+            "the process gain found and the controller gain kp have opposite signs: check the loop table"
+        )
+    low, high = fit.interval("gain")
+    if abs(high / low if low * high > 0 and abs(high) > abs(low) else low / high) > WIDEST_GAIN:
+        reasons.append(f"the gain is known only to lie in {low:.3g} ... {high:.3g}")
+    return reasons
+
+
+def _ended(event: Any) -> str:
+    """Say how the event ended, where that limits what it says."""
+    if STATES[event["state"]] == INTERRUPTED:
+        return f"the event was cut short by {CAUSES[event['cause']]}"
+    return "" if STATES[event["state"]] == SETTLED else "the loop did not settle"
+
+
+def index(loop: Loop, event: Any, fit: Fit) -> float | None:
+    """CI_sp: the reference's IAE over the measured one (its noise's share taken off); None where none applies.
+
+    Of an event that was cut short the IAE is a lower bound, so CI is an upper one; it is given only where
+    the error had died down to a tenth of the step.
+    """
+    if STATES[event["state"]] != SETTLED and abs(float(event["offset"])) > 0.1 * abs(
+        float(event["amplitude"])
+    ):
+        return None
+    model = model_of(fit)
+    structure = reference_structure(loop)
+    tc = closed_loop_time(loop, reduced(model, structure), float(event["period"]))
+    try:
+        best = reference_iae(SETPOINT, float(event["amplitude"]), model, structure, tc, loop.b, loop.c)
+    except ValueError:
+        return None
+    iae = float(event["iae"] - event["iae_noise"])
+    return best / iae if math.isfinite(best) and iae > 0 else None
+
+
+def current_sensitivity(loop: Loop, form: str, model: Model | None) -> float | None:
+    """Ms of the loop's settings on a model; inf where the model says unstable, None where not known."""
+    if model is None or loop.kp is None or loop.kp * float(model.gain) < 0:
+        return None
+    return float(peak_sensitivity(model, Settings(loop.kp, loop.ti, loop.td, loop.filter_time, form)))
+
+
+def overshoot(event: Any, window: Array) -> float:
+    """How far PV went beyond the new set point, as a share of the step."""
+    after = window[int(event["before"]) :]
+    size = float(event["amplitude"])
+    return max(float(np.max((after[:, 2] - after[:, 1]) / size)), 0.0) if len(after) else 0.0
+
+
+def trap(loop: Loop, form: str, model: Model | None) -> str:
+    """Explain too much integral action on an integrator, empty where that is not the case.
+
+    With a small dead time the damping is ``sqrt(Kc K Ti)/2``: below 2 the loop rolls, and *lowering* the
+    gain makes it worse.
+    """
+    if not isinstance(model, IntegratingModel) or loop.kp is None or not math.isfinite(loop.ti):
+        return ""
+    try:
+        standard = Settings(loop.kp, loop.ti, loop.td, loop.filter_time, form).to("standard")
+    except NotRepresentableError:
+        return ""
+    product = float(standard.kp) * float(model.gain) * float(standard.ti)
+    if not 0 < product < TRAP:
+        return ""
+    longer = 4.0 / (float(standard.kp) * float(model.gain))
+    return (
+        f"the integral action is too strong for the gain: Kc K Ti = {product:.2g} (below 2, damping "
+        f"{math.sqrt(product) / 2:.2g}), so the loop rolls; a longer Ti ({longer:.3g} s or more at this gain) or a "
+        "higher gain cures it, a lower gain makes it worse"
+    )
+
+
+def judge(
+    loop: Loop, form: str, model: Model, ci: float | None, ms: float | None, over: float
+) -> tuple[str, str]:
+    """Verdict and reason for a loop or event whose evidence is trusted."""
+    if loop.objective == "averaging":
+        return _judge_averaging(loop, form, model, ms)
+    reasons = []
+    if ms is not None and ms > MARGIN * loop.ms_max:
+        said = "unstable on the model" if math.isinf(ms) else f"Ms = {ms:.2f}"
+        reasons.append(f"too close to instability: {said} ({MARGIN * loop.ms_max:.3g} at most)")
+    slow = ci is not None and ci < loop.ci_min
+    if slow:
+        shape = f", overshoot {over:.0%}" if over > 0.1 else ""
+        reasons.append(f"slow to follow: CI_sp = {ci:.2f} ({loop.ci_min:.2g} at least{shape})")
+    if reasons:
+        cause = trap(loop, form, model)
+        return RETUNE, "; ".join([*reasons, cause] if cause else reasons)
+    if ci is None and ms is None:
+        return INCONCLUSIVE, "neither an index (the event was cut short) nor the settings (for Ms) are known"
+    return GOOD, ""
+
+
+def _judge_averaging(loop: Loop, form: str, model: Model, ms: float | None) -> tuple[str, str]:
+    """Judge a surge vessel by what it is for: gentle, not tight."""
+    if ms is not None and ms > MARGIN * loop.ms_max:
+        return RETUNE, f"averaging level too close to instability: Ms = {ms:.2f}"
+    cause = trap(loop, form, model)
+    if cause:
+        return RETUNE, f"averaging level: {cause}"
+    return GOOD, "averaging level: judged by damping and robustness, not by speed"

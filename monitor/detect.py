@@ -52,6 +52,8 @@ TOO_LARGE = 1e30
 """A magnitude that no plant has: a gateway's placeholder."""
 
 WARMING, QUIET, CANDIDATE, EVENT, MOVING = range(5)
+DROP, CONFIRM, DONE, CUT, BEGIN = 1, 2, 4, 8, 16
+"""What to do with a loop's window: forget it, report it open, hand it out (with or without this sample), open one."""
 OPENED, CLOSED = 1, 2
 SETTLED, INTERRUPTED, TIMED_OUT = "settled", "interrupted", "timeout"
 STATES = ("", SETTLED, INTERRUPTED, TIMED_OUT)
@@ -80,7 +82,20 @@ STATE = np.dtype(
         *[(n, _i) for n in ("moved", "moves")],
         ("sp_from", _f),
         # the open event
-        *[(n, _i) for n in ("onset", "still", "points", "before", "stride", "skipped")],
+        *[
+            (n, _i)
+            for n in (
+                "onset",
+                "still",
+                "end",
+                "end_state",
+                "end_cause",
+                "points",
+                "before",
+                "stride",
+                "skipped",
+            )
+        ],
         *[(n, _f) for n in ("amplitude", "held", "low", "high", "sum_e", "sum_t", "quiet")],
         *_INTEGRALS,
         *_BASELINE,
@@ -116,7 +131,7 @@ class Detector:
     def __init__(self, loops: list[Loop]) -> None:
         self.param = np.zeros(0, PARAM)
         self.state = np.zeros(0, STATE)
-        self.ring = np.zeros((0, RING, 4))
+        self.ring = np.zeros((0, RING, 3))
         self.ring_time = np.zeros((0, RING), np.int64)
         self.slab = np.zeros((0, WINDOW, 4))
         self.free = np.zeros(0, np.int64)
@@ -161,7 +176,7 @@ class Detector:
         """Close the open events of these rows (default: all) as interrupted by the end of the data."""
         found: list[tuple[Any, NDArray[np.float64]]] = []
         for row in np.flatnonzero(self.state["slot"] >= 0) if loops is None else loops:
-            found += self._drain(_flush(self.state, self.slab, self.free, self.n_free, self.out, row))
+            found += self._drain(_flush(self.state, self.free, self.n_free, self.out, row))
         return found
 
     def _make_room(self) -> None:
@@ -209,7 +224,11 @@ def _grown(array: NDArray[Any], n: int) -> NDArray[Any]:
 
 @jit
 def _run(state, param, ring, ring_time, slab, free, n_free, out, loop, time, sp, pv, op, auto, quality, at):  # type: ignore[no-untyped-def]
-    """Run from sample ``at`` until the samples or the room for events end; return (next sample, events)."""
+    """Run from sample ``at`` until the samples or the room for events end; return (next sample, events).
+
+    What concerns one loop's numbers happens in `_step`, which says what is to be done with its window: so the
+    quiet sample, which is nearly every one, touches nothing else.
+    """
     n = 0
     for k in range(at, len(time)):
         # one sample closes one event, opens another, and takes one slot, at most
@@ -217,25 +236,23 @@ def _run(state, param, ring, ring_time, slab, free, n_free, out, loop, time, sp,
             return k, n
         i = loop[k]
         s = state[i]
-        p = param[i]
-        if _accept(s, p, time[k], sp[k], pv[k], op[k], quality[k]):
-            n = _sample(
-                s,
-                p,
-                ring[i],
-                ring_time[i],
-                slab,
-                free,
-                n_free,
-                out,
-                n,
-                i,
-                time[k],
-                sp[k],
-                pv[k],
-                op[k],
-                auto[k],
-            )
+        if not _accept(s, param[i], time[k], sp[k], pv[k], op[k], quality[k]):
+            continue
+        act = _step(s, param[i], time[k], sp[k], pv[k], op[k], auto[k])
+        if s.slot >= 0 and not act & (CUT | DROP):
+            _append(s, slab, time[k], sp[k], pv[k], op[k])
+        if act:
+            n = _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time[k], sp[k])
+            if act & BEGIN:
+                _append(s, slab, time[k], sp[k], pv[k], op[k])
+        _keep(s, time[k], sp[k], pv[k], op[k], auto[k])
+        j = s.ringed & (RING - 1)
+        ring_time[i, j] = time[k]
+        ring[i, j, 0], ring[i, j, 1], ring[i, j, 2] = sp[k], pv[k], op[k]
+        s.ringed += 1
+        # often at first, then once a turn: a gateway that changes its rate is followed
+        if param[i].period == 0 and (s.ringed & (RING - 1) == 0 or s.ringed in {8, 16, 32}):
+            s.period = _median_step(ring_time, i, s.ringed)
     return len(time), n
 
 
@@ -264,27 +281,45 @@ def _accept(s, p, time, sp, pv, op, quality):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _sample(s, p, ring, ring_time, slab, free, n_free, out, n, i, time, sp, pv, op, auto):  # type: ignore[no-untyped-def]
-    """Take in one good sample; return the number of events in ``out``."""
-    dt = (time - s.time) * 1e-9 if s.seen > 0 else 0.0
+def _step(s, p, time, sp, pv, op, auto):  # type: ignore[no-untyped-def]
+    """Take in one good sample; return what to do with the loop's window, as a sum of actions."""
+    if s.seen == 0:
+        _restart(s, sp, pv)
+        return 0
+    dt = (time - s.time) * 1e-9
     gap = s.period > 0 and dt > MAX_GAP * s.period
     _live(s, p, dt, gap, op)
-    if s.slot >= 0 and (gap or not auto):
-        n = _close(s, slab, free, n_free, out, n, i, 2, BY_GAP if gap else BY_MODE, s.time)
-    if s.seen == 0 or gap or not auto or not s.auto:
-        _restart(s, sp, pv, op)
-    else:
-        if s.slot >= 0:
-            _integrate(s, p, dt, pv)
-        n = _follow(s, ring, ring_time, slab, free, n_free, out, n, i, time, dt, sp, pv, op)
+    if gap or not auto or not s.auto:
+        act = 0
+        if s.phase == CANDIDATE:
+            act = DROP  # a set-point move that was cut off before it was confirmed
+        elif s.phase == EVENT:
+            _end(s, 2, BY_GAP if gap else BY_MODE, s.time)
+            act = CUT
+        _restart(s, sp, pv)
+        return act
+    if s.slot >= 0:
+        _integrate(s, p, dt, pv)
+    s.short += _weight(dt, s.period) * (sp - pv - s.short)
+    # a set point is free of noise; what moves less than 2 % of the error's noise is rounding or display
+    moved = sp != s.sp and abs(sp - s.sp) > 1e-9 * abs(sp) + 0.02 * np.sqrt(s.var_e)
+    if s.phase <= QUIET:
+        if moved and s.period > 0:
+            return BEGIN
+        _listen(s, sp - pv, pv, op)
+        return 0
+    return _follow(s, time, dt, sp, pv, moved)
+
+
+@jit
+def _keep(s, time, sp, pv, op, auto):  # type: ignore[no-untyped-def]
+    """Make this sample the last one."""
     d = pv - s.pv
-    if s.seen > 0 and d != 0 and (s.quantum == 0 or abs(d) < s.quantum):
+    if s.seen > 0 and d != 0.0 and (s.quantum == 0.0 or abs(d) < s.quantum):
         s.quantum = abs(d)
     s.dpv = d
     s.time, s.sp, s.pv, s.op, s.auto = time, sp, pv, op, 1 if auto else 0
     s.seen += 1
-    _remember(s, p, ring, ring_time)
-    return n
 
 
 @jit
@@ -304,7 +339,7 @@ def _live(s, p, dt, gap, op):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _restart(s, sp, pv, op):  # type: ignore[no-untyped-def]
+def _restart(s, sp, pv):  # type: ignore[no-untyped-def]
     """Begin anew after a gap, a mode change, or at the loop's first sample."""
     s.phase = WARMING
     s.warm = s.based = s.away = s.ringed = 0
@@ -314,58 +349,62 @@ def _restart(s, sp, pv, op):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _remember(s, p, ring, ring_time):  # type: ignore[no-untyped-def]
-    """Keep the sample in the ring; measure the sample period where none is given (median of the steps)."""
-    k = s.ringed % RING
-    ring_time[k] = s.time
-    ring[k, 0], ring[k, 1], ring[k, 2], ring[k, 3] = 0.0, s.sp, s.pv, s.op
-    s.ringed += 1
-    # often at first, then once a turn: a gateway that changes its rate is followed
-    if p.period == 0 and (s.ringed in {8, 16, 32} or s.ringed % RING == 0):
-        m = min(s.ringed, RING)
-        steps = np.empty(m - 1)
-        for j in range(m - 1):
-            a = (s.ringed - m + j) % RING
-            b = (s.ringed - m + j + 1) % RING
-            steps[j] = (ring_time[b] - ring_time[a]) * 1e-9
-        s.period = np.median(steps)
+def _median_step(ring_time, i, ringed):  # type: ignore[no-untyped-def]
+    """Sample period where none is given: the median step between the ring's times [s]."""
+    m = min(ringed, RING)
+    steps = np.empty(m - 1)
+    for j in range(m - 1):
+        steps[j] = (ring_time[i, (ringed - m + j + 1) % RING] - ring_time[i, (ringed - m + j) % RING]) * 1e-9
+    return np.median(steps)
 
 
 @jit
-def _follow(s, ring, ring_time, slab, free, n_free, out, n, i, time, dt, sp, pv, op):  # type: ignore[no-untyped-def]
-    """Move the loop's phase on by one sample."""
-    e = sp - pv
-    s.short += _weight(dt, s.period) * (e - s.short)
-    # a set point is free of noise; what moves less than 2 % of the error's noise is rounding or display
-    moved = abs(sp - s.sp) > 1e-9 * abs(sp) + 0.02 * np.sqrt(s.var_e)
-
-    if s.phase == EVENT and abs(sp - s.held) > 0.02 * abs(s.amplitude):
-        n = _close(s, slab, free, n_free, out, n, i, 2, BY_STEP, time)
-        n = _begin(s, ring, ring_time, slab, free, n_free, n, time)
-    elif s.phase == MOVING:
+def _follow(s, time, dt, sp, pv, moved):  # type: ignore[no-untyped-def]
+    """Move an eventful phase on by one sample; return what to do."""
+    if s.phase == MOVING:
         if moved:
             s.moved = time
         elif (time - s.moved) * 1e-9 > RAMP_REST * s.period:
             _settle_down(s)
-    elif s.phase in {WARMING, QUIET} and moved and s.period > 0:
-        n = _begin(s, ring, ring_time, slab, free, n_free, n, time)
-    elif s.phase == CANDIDATE:
-        if moved:
-            s.moved = time
-            s.moves += 1
-            if s.moves > STEP_MOVES:
-                _drop(s, free, n_free)
-                s.phase = MOVING
-        elif (time - s.moved) * 1e-9 > (STEP_REST - 0.5) * s.period:
-            n = _confirm(s, free, n_free, out, n, i, time, sp)
+        return 0
+    if s.phase == EVENT:
+        if abs(sp - s.held) > 0.02 * abs(s.amplitude):
+            _end(s, 2, BY_STEP, time)
+            return CUT | BEGIN
+        return DONE if _lies_still(s, time, dt, sp - pv) else 0
+    if moved:
+        s.moved = time
+        s.moves += 1
+        if s.moves > STEP_MOVES:
+            s.phase = MOVING
+            return DROP
+        return 0
+    if (time - s.moved) * 1e-9 <= (STEP_REST - 0.5) * s.period:
+        return 0
+    s.amplitude = sp - s.sp_from
+    if abs(s.amplitude) > max(3.0 * s.sd_e, 1e-9 * abs(sp)):
+        return CONFIRM
+    s.phase = QUIET  # the set point moved, but within the noise
+    return DROP
 
-    if s.slot >= 0:
-        _append(s, slab[s.slot], time, sp, pv, op)
-        if s.phase == EVENT:
-            n = _watch(s, slab, free, n_free, out, n, i, time, dt, e)
-    elif s.phase in {WARMING, QUIET}:
-        _listen(s, e, pv, op)
+
+@jit
+def _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time, sp):  # type: ignore[no-untyped-def]
+    """Do with the window what `_step` asked for; return the number of events in ``out``."""
+    if act & DROP:
+        _drop(s, free, n_free)
+    if act & CONFIRM:
+        n = _confirm(s, out, n, i, time, sp)
+    if act & (CUT | DONE):
+        n = _close(s, free, n_free, out, n, i)
+    if act & BEGIN:
+        _begin(s, ring, ring_time, slab, free, n_free, i, time)
     return n
+
+
+@jit
+def _end(s, state, cause, time):  # type: ignore[no-untyped-def]
+    s.end_state, s.end_cause, s.end = state, cause, time
 
 
 @jit
@@ -427,7 +466,7 @@ def _settle_down(s):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _begin(s, ring, ring_time, slab, free, n_free, n, time):  # type: ignore[no-untyped-def]
+def _begin(s, ring, ring_time, slab, free, n_free, i, time):  # type: ignore[no-untyped-def]
     """Open a window for a set point that has begun to move; the integrals start here."""
     s.phase = CANDIDATE
     s.moves = 1
@@ -446,32 +485,25 @@ def _begin(s, ring, ring_time, slab, free, n_free, n, time):  # type: ignore[no-
     w = slab[s.slot]
     for j in range(m):
         k = (s.ringed - m + j) % RING
-        w[j, 0] = (ring_time[k] - time) * 1e-9
-        w[j, 1], w[j, 2], w[j, 3] = ring[k, 1], ring[k, 2], ring[k, 3]
+        w[j, 0] = (ring_time[i, k] - time) * 1e-9
+        w[j, 1], w[j, 2], w[j, 3] = ring[i, k, 0], ring[i, k, 1], ring[i, k, 2]
     s.points = s.before = m
     s.stride = 1
     s.skipped = 0
-    return n
 
 
 @jit
-def _confirm(s, free, n_free, out, n, i, time, sp):  # type: ignore[no-untyped-def]
-    """The set point rests: a step if it stands out of the noise, else nothing happened."""
-    s.amplitude = sp - s.sp_from
-    s.held = sp
-    if abs(s.amplitude) <= 3.0 * s.sd_e or abs(s.amplitude) <= 1e-9 * abs(sp):
-        _drop(s, free, n_free)
-        s.phase = QUIET
-        return n
+def _confirm(s, out, n, i, time, sp):  # type: ignore[no-untyped-def]
+    """Report that an event has opened: the set point rests at a new level."""
     s.phase = EVENT
     s.events += 1
+    s.held = sp
     s.still = time
     s.low = s.high = s.short
     s.sum_e = s.sum_t = 0.0
     o = out[n]
-    o.what, o.loop, o.state, o.cause, o.slot = OPENED, i, 0, 0, -1
+    o.what, o.loop, o.state, o.cause, o.slot, o.points = OPENED, i, 0, 0, -1, 0
     o.onset, o.end, o.number, o.amplitude, o.period = s.onset, s.onset, s.events, s.amplitude, s.period
-    o.points = 0
     return n + 1
 
 
@@ -508,8 +540,9 @@ def _integrate(s, p, dt, pv):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _append(s, w, time, sp, pv, op):  # type: ignore[no-untyped-def]
+def _append(s, slab, time, sp, pv, op):  # type: ignore[no-untyped-def]
     """Put the sample into the window; OP of a skipped sample goes, by time, into the last point's mean."""
+    w = slab[s.slot]
     t = (time - s.onset) * 1e-9
     last = s.points - 1
     if s.skipped > 0:
@@ -543,8 +576,8 @@ def _halve(s, w, t_next):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _watch(s, slab, free, n_free, out, n, i, time, dt, e):  # type: ignore[no-untyped-def]
-    """Close the event when the short average of the error has lain still for half as long as it moved.
+def _lies_still(s, time, dt, e):  # type: ignore[no-untyped-def]
+    """Whether the event is over: the short average of the error has lain still for half as long as it moved, or time is up.
 
     Away from zero (no integral action, saturation, or just a flat top) it has to lie four times as long.
     """
@@ -563,36 +596,38 @@ def _watch(s, slab, free, n_free, out, n, i, time, dt, e):  # type: ignore[no-un
     busy = (s.still - s.onset) * 1e-9
     patience = 1.0 if abs(s.sum_e) <= 2.0 * band * s.sum_t else 4.0
     if rest >= patience * max(WARM_UP * s.period, 0.5 * busy):
-        return _close(s, slab, free, n_free, out, n, i, 1, 0, time)
+        _end(s, 1, 0, time)
+        return True
     if rest + busy > TIMEOUT * s.period:
-        return _close(s, slab, free, n_free, out, n, i, 3, 0, time)
-    return n
+        _end(s, 3, 0, time)
+        return True
+    return False
 
 
 @jit
-def _close(s, slab, free, n_free, out, n, i, state, cause, time):  # type: ignore[no-untyped-def]
+def _close(s, free, n_free, out, n, i):  # type: ignore[no-untyped-def]
     """Hand the event out; its slot is freed by whoever copies the window."""
-    if s.phase != EVENT:  # a set-point move that was never confirmed
-        _drop(s, free, n_free)
-        _settle_down(s)
-        return n
+    _settle_down(s)
     o = out[n]
-    o.what, o.loop, o.state, o.cause, o.slot = CLOSED, i, state, cause, s.slot
-    o.points, o.before, o.onset, o.end, o.number = s.points, s.before, s.onset, time, s.events
+    o.what, o.loop, o.state, o.cause, o.slot = CLOSED, i, s.end_state, s.end_cause, s.slot
+    o.points, o.before, o.onset, o.end, o.number = s.points, s.before, s.onset, s.end, s.events
     o.amplitude, o.quiet, o.period, o.sp_from = s.amplitude, s.quiet, s.period, s.sp_from
-    o.wall = (time - s.onset) * 1e-9
+    o.wall = (s.end - s.onset) * 1e-9
     o.offset = s.sum_e / s.sum_t if s.sum_t > 0 else s.short
     o.s1, o.s2, o.s3, o.y1, o.y2 = s.s1, s.s2, s.s3, s.y1, s.y2
     o.iae, o.iae_noise, o.good, o.saturated = s.iae, s.iae_noise, s.good, s.saturated
     o.pv0, o.op0, o.sd_e, o.noise, o.quantum = s.pv0, s.op0, s.sd_e, s.noise, s.quantum
     s.slot = -1
-    _settle_down(s)
     return n + 1
 
 
 @jit
-def _flush(state, slab, free, n_free, out, i):  # type: ignore[no-untyped-def]
+def _flush(state, free, n_free, out, i):  # type: ignore[no-untyped-def]
     s = state[i]
-    if s.slot < 0:
+    if s.phase == CANDIDATE:
+        _drop(s, free, n_free)
+        _settle_down(s)
+    if s.phase != EVENT:
         return 0
-    return _close(s, slab, free, n_free, out, 0, i, 2, BY_END, s.time)
+    _end(s, 2, BY_END, s.time)
+    return _close(s, free, n_free, out, 0, i)

@@ -1,0 +1,117 @@
+"""The shapes of a historian export: which column holds what. Names only, no data."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from urllib.parse import unquote
+
+NEEDED = ("sp", "pv", "op")
+ROLES = (*NEEDED, "auto", "quality")
+TIME = ("time", "timestamp", "datetime", "date_time")
+"""Accepted headings of the time column, the contract's first."""
+LONG, PER_LOOP, WIDE = "long", "per loop", "wide"
+EXPECTED = (
+    "columns `loop, time, sp, pv, op` (long), `time, sp, pv, op` (one file per loop) "
+    "or `time, <name>.SP, <name>.PV, <name>.OP` (wide)"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where a file keeps its loops."""
+
+    kind: str
+    """``long``, ``per loop`` or ``wide``."""
+    time: str
+    """Heading of the time column."""
+    columns: dict[str, dict[str, str]]
+    """Loop name to role (``sp, pv, op, auto, quality``) to heading; a long file has the one name ``""``."""
+    loop: str = ""
+    """Heading of the column of names (long)."""
+    incomplete: dict[str, str] = field(default_factory=dict)
+    """Loops that cannot be read, and what they lack."""
+
+
+def layout_of(headings: Sequence[str], path: Path, names: Collection[str] = ()) -> Layout:
+    """Tell a file's layout by its headings (any case, any order, further columns allowed).
+
+    Parameters
+    ----------
+    path
+        The file's name is the loop's name in the layout per loop; percent-encoded where a file cannot
+        be called like the loop, e.g. ``A%2FB.csv``.
+    names
+        Names of the loop table, which say whether a percent sign belongs to the name.
+
+    Raises
+    ------
+    ValueError
+        None of the layouts fits, or a heading that is needed stands there twice.
+    """
+    by_key: dict[str, str] = {}
+    for heading in headings:
+        key = heading.strip().lower()
+        if key in by_key and (key in TIME or key in ROLES or key == "loop" or "." in key):
+            raise ValueError(f"column {heading!r} stands in it twice")
+        by_key.setdefault(key, heading)
+    time = next((by_key[t] for t in TIME if t in by_key), None)
+    if time is not None:
+        for recognise in LAYOUTS:
+            found = recognise(by_key, time, path, names)
+            if found is not None:
+                return found
+    shown = ", ".join(h[:40] for h in list(headings)[:8]) + (", ..." if len(headings) > 8 else "")
+    raise ValueError(f"columns {shown or '(none)'}, expected {EXPECTED}")
+
+
+def normal_name(text: str) -> str:
+    """Return a loop's name as the loop table keeps it: NFC, without blanks around it."""
+    return unicodedata.normalize("NFC", text.strip())
+
+
+def _roles(by_key: dict[str, str]) -> dict[str, str]:
+    return {role: by_key[role] for role in ROLES if role in by_key}
+
+
+def _long(by_key: dict[str, str], time: str, _path: Path, _names: Collection[str]) -> Layout | None:
+    roles = _roles(by_key)
+    if "loop" not in by_key or not all(role in roles for role in NEEDED):
+        return None
+    return Layout(LONG, time, {"": roles}, loop=by_key["loop"])
+
+
+def _per_loop(by_key: dict[str, str], time: str, path: Path, names: Collection[str]) -> Layout | None:
+    roles = _roles(by_key)
+    if "loop" in by_key or not all(role in roles for role in NEEDED):
+        return None
+    name = normal_name(path.stem)
+    return Layout(PER_LOOP, time, {name if name in names else normal_name(unquote(name)): roles})
+
+
+def _wide(by_key: dict[str, str], time: str, _path: Path, _names: Collection[str]) -> Layout | None:
+    loops: dict[str, dict[str, str]] = {}
+    for key, heading in by_key.items():
+        stem, dot, role = key.rpartition(".")
+        if dot and stem and role in ROLES:
+            name = normal_name(heading.strip()[: -len(role) - 1])
+            loops.setdefault(name, {})[role] = heading
+    if not any("pv" in roles for roles in loops.values()):
+        return None
+    incomplete = {}
+    for name, roles in loops.items():
+        lacking = [f"{name}.{role.upper()}" for role in NEEDED if role not in roles]
+        if lacking:
+            incomplete[name] = f"no column {', '.join(lacking)}"
+    complete = {name: roles for name, roles in loops.items() if name not in incomplete}
+    return Layout(WIDE, time, complete, incomplete=incomplete)
+
+
+LAYOUTS: tuple[Callable[[dict[str, str], str, Path, Collection[str]], Layout | None], ...] = (
+    _long,
+    _per_loop,
+    _wide,
+)
+"""Tried in this order; the first that recognises the headings reads the file."""

@@ -1,0 +1,284 @@
+"""The picture in Rerun: what a control engineer would draw of a flagged loop. The only file that imports rerun.
+
+``Picture`` takes decoded data and logs columns to a recording; where the recording goes (viewer, file, both)
+it does not know. Paths of entities are made from the names, never the names themselves: a loop's name is data.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from monitor import view_text
+
+TIMELINE = "time"
+SP_COLOUR, PV_COLOUR, OP_COLOUR = (165, 165, 165), (70, 140, 240), (240, 150, 40)
+MODEL_COLOUR, ONSET_COLOUR = (235, 60, 60), (190, 120, 255)
+LIVE_SPAN = 600.0
+"""Least span of the live strip [s]: a control engineer's ten minutes."""
+MARGIN = 0.04
+"""Air at both ends of an event's chart, as a share of its window."""
+
+Floats = NDArray[np.float64]
+Nanos = NDArray[np.int64]
+
+
+class Window(NamedTuple):
+    """Evidence of one event: columns of equal length ``(N,)``, NaN where nothing is known."""
+
+    id: str
+    loop: str
+    onset: int
+    """When the step happened [ns]."""
+    time: Nanos
+    """[ns since 1970, UTC]."""
+    sp: Floats
+    """[PV]."""
+    pv: Floats
+    """[PV]."""
+    op: Floats
+    """[OP]."""
+    model: Floats
+    """PV as the fitted model gives it [PV]."""
+
+
+class Trend(NamedTuple):
+    """New samples of one loop: columns of equal length ``(N,)``."""
+
+    loop: str
+    time: Nanos
+    """[ns since 1970, UTC]."""
+    sp: Floats
+    """[PV]."""
+    pv: Floats
+    """[PV]."""
+    op: Floats
+    """[OP]."""
+
+
+class Pane(NamedTuple):
+    """One flagged loop of the layout and the event that its charts are fitted to."""
+
+    loop: str
+    start: int
+    """First time of the event's window [ns]; equal to ``end`` where there is no window."""
+    end: int
+    """Last time of the event's window [ns]."""
+
+
+class Picture:
+    """Draws on one recording. Every method logs at once and returns nothing."""
+
+    def __init__(self, recording: rr.RecordingStream) -> None:
+        self._recording = recording
+        self._styled: set[str] = set()
+        self._last: dict[str, int] = {}
+        self.now = 0
+        """Latest time drawn [ns]; pages are shown as of then, so that a recording can be scrubbed."""
+        recording.log("start", _page("# Control loops\n\nWaiting for the monitor.\n"), static=True)
+
+    def window(self, window: Window) -> None:
+        """Draw an event's evidence: SP, PV and the model's PV, OP, and a mark at the onset."""
+        if window.time.size == 0:
+            return
+        base = f"{entity(window.loop)}/event"
+        self._style(base, event=True)
+        values = {"sp": window.sp, "pv": window.pv, "op": window.op, "model": window.model}
+        for name, column in values.items():
+            self._line(f"{base}/{name}", window.time, column, broken=True)
+        for name, columns in (("mark", (window.sp, window.pv, window.model)), ("mark_op", (window.op,))):
+            self._mark(f"{base}/{name}", window.onset, columns)
+        self._advance(int(window.time[-1]))
+
+    def trend(self, trend: Trend) -> None:
+        """Draw new samples on the live strip. A hole of more than ten usual periods stays a hole."""
+        if trend.time.size == 0:
+            return
+        base = f"{entity(trend.loop)}/live"
+        self._style(base, event=False)
+        last = self._last.get(base)
+        period = float(np.median(np.diff(trend.time))) if trend.time.size > 1 else 0.0
+        hole = last is not None and period > 0 and trend.time[0] - last > 10 * period
+        for name, column in (("sp", trend.sp), ("pv", trend.pv), ("op", trend.op)):
+            path = f"{base}/{name}"
+            if hole and last is not None:
+                self._line(path, np.array([last + 1], np.int64), np.array([np.nan]))
+            self._line(path, trend.time, column)
+        self._last[base] = int(trend.time[-1])
+        self._advance(int(trend.time[-1]))
+
+    def log(self, text: str, level: str, time: int | None) -> None:
+        """Add a line to the log of events, at ``time`` [ns] or at the latest time drawn."""
+        time = self.now if time is None else time
+        self._advance(time)
+        self._at(time)
+        self._recording.log("log", rr.TextLog(text, level=level))
+
+    def page(self, text: str, loop: str | None = None) -> None:
+        """Show markdown ``text`` as the overview, or as the page of ``loop``."""
+        self._at(self.now)
+        self._recording.log("overview" if loop is None else f"{entity(loop)}/page", _page(text))
+
+    def layout(self, panes: Sequence[Pane], active: str | None = None) -> None:
+        """Lay the picture out anew: overview and log left, a tab for each of ``panes``, ``active`` in front."""
+        self._recording.send_blueprint(_blueprint(panes, active, started=self.now > 0))
+
+    def _style(self, base: str, *, event: bool) -> None:
+        """Names, colours and widths of a loop's series, logged once. SP and OP are held between samples."""
+        if base in self._styled:
+            return
+        self._styled.add(base)
+        lines = {
+            "sp": ("SP [PV]", SP_COLOUR, 1.5, "StepAfter", "MinMax"),
+            "pv": ("PV [PV]", PV_COLOUR, 2.5, "Linear", "MinMax"),
+            "op": ("OP [OP]", OP_COLOUR, 2.0, "StepAfter", "MinMax"),
+        }
+        if event:
+            lines["model"] = ("model of PV [PV]", MODEL_COLOUR, 1.2, "Linear", "Average")
+            lines["mark"] = lines["mark_op"] = ("onset", ONSET_COLOUR, 1.5, "Linear", "Off")
+        for name, (words, colour, width, mode, policy) in lines.items():
+            style = rr.SeriesLines(
+                names=words,
+                colors=[colour],
+                widths=[width],
+                interpolation_mode=mode,
+                aggregation_policy=policy,
+            )
+            self._recording.log(f"{base}/{name}", style, static=True)
+
+    def _line(self, path: str, time: Nanos, values: Floats, *, broken: bool = False) -> None:
+        """Log one column; ``broken`` ends it, so that no line leads on to the next event."""
+        if broken:
+            time, values = np.append(time, time[-1] + 1), np.append(values, np.nan)
+        index = rr.TimeColumn(TIMELINE, timestamp=time.astype("datetime64[ns]"))
+        self._recording.send_columns(path, indexes=[index], columns=rr.Scalars.columns(scalars=values))
+
+    def _mark(self, path: str, onset: int, columns: Sequence[Floats]) -> None:
+        """Vertical line at the onset, as high as what the chart holds: two points a nanosecond apart."""
+        values = np.concatenate(columns)
+        values = values[np.isfinite(values)]
+        if values.size == 0:
+            return
+        ends = np.array([values.min(), values.max(), np.nan])
+        self._line(path, np.array([onset, onset + 1, onset + 2], np.int64), ends)
+
+    def _advance(self, time: int) -> None:
+        self.now = max(self.now, time)
+
+    def _at(self, time: int) -> None:
+        self._recording.set_time(TIMELINE, timestamp=np.datetime64(time, "ns"))
+
+
+def open_recording(proxy: str | None, save: Path | None) -> rr.RecordingStream:
+    """Open a recording that goes to a viewer's ``proxy`` address, to the file ``save``, or to both."""
+    recording = rr.RecordingStream("loopsight")
+    sinks: list[Any] = [rr.GrpcSink(proxy)] if proxy else []
+    if save is not None:
+        sinks.append(rr.FileSink(str(save)))
+    recording.set_sinks(*sinks)
+    return recording
+
+
+def entity(loop: str) -> str:
+    """Path of a loop's entities: readable where the name is plain, always unique, never a path of its own."""
+    plain = re.sub(r"[^A-Za-z0-9_-]", "_", loop)[:40]
+    digest = hashlib.blake2b(loop.encode("utf-8", "surrogatepass"), digest_size=4).hexdigest()
+    return f"loop/{plain}-{digest}"
+
+
+def _page(text: str) -> rr.TextDocument:
+    return rr.TextDocument(text, media_type="text/markdown")
+
+
+def _blueprint(panes: Sequence[Pane], active: str | None, *, started: bool) -> rrb.Blueprint:
+    overview = rrb.TextDocumentView(origin="/overview" if started else "/start", name="Overview")
+    log = rrb.TextLogView(
+        origin="/log",
+        name="Events",
+        columns=rrb.TextLogColumns(timeline_columns=[TIMELINE], text_log_columns=["loglevel", "body"]),
+        format_options=rrb.TextLogFormat(monospace_body=False),
+    )
+    root: rrb.Horizontal | rrb.Vertical = rrb.Vertical(overview, log, row_shares=[3, 2])
+    if panes:
+        names = [pane.loop for pane in panes]
+        front = names.index(active) if active in names else 0
+        tabs = [_tab(pane) for pane in panes]
+        if len(panes) > 1:
+            tabs.append(_small_multiples(panes))
+        root = rrb.Horizontal(root, rrb.Tabs(*tabs, active_tab=front), column_shares=[1, 3])
+    return rrb.Blueprint(
+        root,
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def _tab(pane: Pane) -> rrb.Horizontal:
+    name = view_text.plain(pane.loop, 60)
+    live = _chart(pane, "live", ("sp", "pv"), f"{name}: now", _recent(pane))
+    charts = rrb.Vertical(
+        _chart(pane, "event", ("mark", "sp", "pv", "model"), f"{name}: SP, PV and model", _event(pane)),
+        _chart(pane, "event", ("mark_op", "op"), f"{name}: OP", _event(pane)),
+        live,
+        row_shares=[5, 3, 2.5],
+    )
+    page = rrb.TextDocumentView(origin=f"/{entity(pane.loop)}/page", name="Advice")
+    return rrb.Horizontal(charts, page, column_shares=[2, 1], name=name)
+
+
+def _small_multiples(panes: Sequence[Pane]) -> rrb.Grid:
+    """All flagged loops' events side by side."""
+    charts = [
+        _chart(p, "event", ("mark", "sp", "pv", "model"), view_text.plain(p.loop, 60), _event(p), legend=False)
+        for p in panes
+    ]
+    return rrb.Grid(*charts, name="All flagged")
+
+
+def _chart(
+    pane: Pane, part: str, series: Sequence[str], name: str, span: Mapping[str, Any], *, legend: bool = True
+) -> rrb.TimeSeriesView:
+    origin = f"/{entity(pane.loop)}/{part}"
+    return rrb.TimeSeriesView(
+        origin=origin,
+        contents=[f"{origin}/{one}" for one in series],
+        name=name,
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=legend),
+        interaction=rrb.PlotInteraction(tooltip_mode="All"),
+        **span,
+    )
+
+
+def _event(pane: Pane) -> dict[str, Any]:
+    """Both axes' data: the event's window with some air. Without a window: all there is."""
+    if pane.end <= pane.start:
+        return {}
+    air = int(MARGIN * (pane.end - pane.start))
+    absolute = rrb.TimeRangeBoundary.absolute
+    start, end = absolute(nanos=pane.start - air), absolute(nanos=pane.end + air)
+    return {
+        "axis_x": rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end)),
+        "time_ranges": rrb.VisibleTimeRange(TIMELINE, start=start, end=end),
+    }
+
+
+def _recent(pane: Pane) -> dict[str, Any]:
+    """The last window's length before the cursor, at least ``LIVE_SPAN``."""
+    seconds = max(LIVE_SPAN, (pane.end - pane.start) / 1e9)
+    relative = rrb.TimeRangeBoundary.cursor_relative
+    start, end = relative(seconds=-seconds), relative()
+    return {
+        "axis_x": rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end)),
+        "time_ranges": rrb.VisibleTimeRange(TIMELINE, start=start, end=end),
+    }

@@ -1,0 +1,122 @@
+"""What a reader hands on: a batch of rows as they stood in the file, and what was counted on the way."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+UNKNOWN = -1
+"""``auto`` of a row that does not say: the loop's last known mode holds."""
+MOST_NAMES = 100_000
+"""Names of loops outside the table that are remembered."""
+MOST_LINES = 50
+"""Lines that could not be read of which number and cause are remembered, per file."""
+MOST_TEXTS = 10_000
+"""Different texts in place of values that are told apart."""
+
+
+class UnusableError(ValueError):
+    """A file that cannot be used, in one line; ``line`` is 1-based where known."""
+
+    def __init__(self, name: str, reason: str, line: int | None = None) -> None:
+        where = name if line is None else f"{name}:{line}"
+        super().__init__(f"{where}: {reason}")
+        self.name, self.reason, self.line = name, reason, line
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel between processes with all arguments."""
+        return UnusableError, (self.name, self.reason, self.line)
+
+
+@dataclass(slots=True)
+class Rows:
+    """N rows of a file, in the file's order; times may repeat and go back."""
+
+    loop: NDArray[np.int32]
+    """(N,) code of the loop among those asked for."""
+    time: NDArray[np.int64]
+    """(N,) [ns] since 1970, UTC or, for a zone still to be applied, local."""
+    sp: NDArray[np.float64]
+    pv: NDArray[np.float64]
+    op: NDArray[np.float64]
+    auto: NDArray[np.int8]
+    """(N,) 1 automatic, 0 manual, -1 unknown."""
+    quality: NDArray[np.uint8]
+    row: int = 0
+    """Number of the batch's first row in its file."""
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def take(self, rows: Any) -> Rows:
+        """Return these rows (index array, mask or slice)."""
+        return Rows(*(getattr(self, name)[rows] for name in COLUMNS), row=self.row)
+
+
+COLUMNS = tuple(f.name for f in fields(Rows) if f.name != "row")
+
+
+def join_rows(parts: list[Rows]) -> Rows:
+    """Put batches one behind the other."""
+    return Rows(*(np.concatenate([getattr(p, name) for p in parts]) for name in COLUMNS))
+
+
+@dataclass(slots=True)
+class Tally:
+    """What was read, and what was left out. Adds up over tasks: ``rows`` are those of the loops asked for."""
+
+    rows: int = 0
+    bad_time: int = 0
+    """Rows without a usable time."""
+    outside: int = 0
+    """Rows before ``since`` or from ``until`` on."""
+    duplicate: int = 0
+    """Rows at a time that the loop has already had; the first is kept."""
+    conflict: int = 0
+    """Duplicates whose values differ from those kept."""
+    bad_texts: int = 0
+    """Values that were text."""
+    texts: Counter[str] = field(default_factory=Counter)
+    """The texts, as they stood there."""
+    loop_rows: Counter[str] = field(default_factory=Counter)
+    """Rows of each loop."""
+    unknown: set[str] = field(default_factory=set)
+    """Names in the data that were not asked for."""
+    lines: dict[str, dict[int, str]] = field(default_factory=dict)
+    """Lines that could not be read, by file: number and reason."""
+    lost_lines: dict[str, int] = field(default_factory=dict)
+    """How many of them, by file."""
+    file_rows: dict[str, int] = field(default_factory=dict)
+    """Rows read of each file, whosever they are."""
+
+    def text(self, value: str, times: int) -> None:
+        """Count a text that stood in place of a value; the number of different ones is bounded."""
+        self.bad_texts += times
+        if value[:40] in self.texts or len(self.texts) < MOST_TEXTS:
+            self.texts[value[:40]] += times
+
+    def name(self, name: str) -> None:
+        """Remember a loop that was not asked for."""
+        if len(self.unknown) < MOST_NAMES:
+            self.unknown.add(name[:200])
+
+    def add(self, other: Tally) -> None:
+        """Take in another task's tally; several tasks may have read the same lines of a file."""
+        self.rows += other.rows
+        self.bad_time += other.bad_time
+        self.outside += other.outside
+        self.duplicate += other.duplicate
+        self.conflict += other.conflict
+        self.loop_rows.update(other.loop_rows)
+        self.bad_texts += other.bad_texts
+        self.texts.update(other.texts)
+        self.unknown |= other.unknown
+        for file, lines in other.lines.items():
+            self.lines.setdefault(file, {}).update(lines)
+        for mine, theirs in ((self.lost_lines, other.lost_lines), (self.file_rows, other.file_rows)):
+            for file, n in theirs.items():
+                mine[file] = max(n, mine.get(file, 0))

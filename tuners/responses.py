@@ -196,7 +196,7 @@ def _half_wave(transfer: ComplexArray, count: int) -> Array:
 
 
 def _rest(model: Model, settings: Settings) -> float:
-    """Return the final value of the complementary sensitivity: 1 with integral action or an integrator [-]."""
+    """Return the final complementary sensitivity: 1 with integral action or an integrator [-]."""
     if math.isfinite(settings.ti) or isinstance(model, IntegratingModel):
         return 1.0
     gain = float(model.gain * settings.kp)

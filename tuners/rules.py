@@ -5,12 +5,38 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from tuners.classic import (
+    amigo,
+    amigo_pi,
+    cluett_wang,
+    cohen_coon,
+    cohen_coon_pi,
+    di_ruscio,
+    fruehauf,
+    shinskey,
+    ziegler_nichols_step,
+    ziegler_nichols_step_pi,
+)
+from tuners.imc import (
+    imc_pi,
+    imc_pid,
+    imc_pid_filter,
+    imc_pid_first_order,
+    imc_pid_series,
+    imc_pid_series_filter,
+    lambda_pi,
+)
+from tuners.kaya import chakraborty, kaya_ist2e, kaya_ist2e_exact, kaya_iste, kaya_iste_exact
+from tuners.levels import averaging
 from tuners.settings import Settings
-from tuners.simc import simc_pd, simc_pi, simc_pid
+from tuners.simc import simc_pd, simc_pi, simc_pi_improved, simc_pid
+from tuners.ultimate import luyben_pid, tyreus_luyben, ziegler_nichols, ziegler_nichols_pi
 
 __all__ = ["RULES", "Rule", "simc_pd", "simc_pi", "simc_pid"]
 
-BOTH = ("integrating", "self-regulating")
+INTEGRATING = ("integrating",)
+SELF_REGULATING = ("self-regulating",)
+BOTH = INTEGRATING + SELF_REGULATING
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,15 +48,19 @@ class Rule:
     function
         The rule; a model first, then the extra parameters by name.
     source
-        Author, year, place.
+        Author, year, place; "derived" where a formula was derived again.
     structure
-        'P', 'PI', 'PD', 'PID', 'I-PD'.
+        'PI', 'PD', 'PID' or 'I-PD'.
     form
         Form of the settings that the function returns.
     processes
         Kinds of process that it takes.
     parameters
         Names of the extra parameters.
+    required
+        Those of them that have no default.
+    arrays
+        Whether the rule takes models with array fields.
     """
 
     function: Callable[..., Settings]
@@ -39,13 +69,104 @@ class Rule:
     form: str
     processes: tuple[str, ...]
     parameters: tuple[str, ...] = ()
+    required: tuple[str, ...] = ()
+    arrays: bool = True
 
 
 SIMC = "Skogestad 2003, J. Process Control 13, 291-309"
 VV10 = "Veronesi & Visioli 2010, J. Process Control 20, 261-269"
+RC02 = "Rice & Cooper 2002, ISA (after Chien & Fruehauf 1990)"
+ZN42 = "Ziegler & Nichols 1942, Trans. ASME 64, 759-768"
+KA18 = "Kaya 2018, IFAC PID'18"
+AH06 = "Åström & Hägglund 2006, Advanced PID Control"
+CC53 = "Cohen & Coon 1953, Trans. ASME 75, 827-834"
+TIME = ("closed_loop_time",)
+
+
+def _rule(
+    function: Callable[..., Settings],
+    source: str,
+    structure: str,
+    form: str = "standard",
+    processes: tuple[str, ...] = INTEGRATING,
+    parameters: tuple[str, ...] = (),
+    required: tuple[str, ...] = (),
+    arrays: bool = True,
+) -> Rule:
+    return Rule(function, source, structure, form, processes, parameters, required, arrays)
+
 
 RULES: dict[str, Rule] = {
-    "simc-pi": Rule(simc_pi, f"{SIMC}; {VV10}", "PI", "standard", BOTH, ("closed_loop_time",)),
-    "simc-pid": Rule(simc_pid, f"{SIMC}; {VV10}", "PID", "series", BOTH, ("closed_loop_time",)),
-    "simc-pd": Rule(simc_pd, VV10, "PD", "series", BOTH, ("closed_loop_time",)),
+    "simc-pi": _rule(simc_pi, f"{SIMC}; {VV10}", "PI", processes=BOTH, parameters=TIME),
+    "simc-pid": _rule(simc_pid, f"{SIMC}; {VV10}", "PID", "series", BOTH, TIME),
+    "simc-pd": _rule(simc_pd, VV10, "PD", "series", BOTH, TIME),
+    "simc-pi-improved": _rule(
+        simc_pi_improved,
+        "Grimholt & Skogestad 2012, IFAC PID'12",
+        "PI",
+        processes=SELF_REGULATING,
+        parameters=TIME,
+    ),
+    "imc-pi": _rule(imc_pi, RC02, "PI", parameters=TIME),
+    "imc-pid": _rule(imc_pid, RC02, "PID", parameters=TIME),
+    "imc-pid-series": _rule(imc_pid_series, RC02, "PID", "series", parameters=TIME),
+    "imc-pid-filter": _rule(imc_pid_filter, RC02, "PID", parameters=TIME),
+    "imc-pid-series-filter": _rule(imc_pid_series_filter, RC02, "PID", "series", parameters=TIME),
+    "imc-pid-first-order": _rule(
+        imc_pid_first_order,
+        "Rivera, Morari & Skogestad 1986, IEC Proc. Des. Dev. 25, 252-265",
+        "PID",
+        processes=SELF_REGULATING,
+        parameters=TIME,
+    ),
+    "lambda-pi": _rule(
+        lambda_pi,
+        f"Dahlin 1968; Chien & Fruehauf 1990; default {AH06}",
+        "PI",
+        processes=BOTH,
+        parameters=TIME,
+    ),
+    "di-ruscio": _rule(
+        di_ruscio,
+        "Di Ruscio 2010, Modeling, Identification and Control 31, 145-164 (derived)",
+        "PI",
+        parameters=("delta", "c"),
+    ),
+    "kaya-iste": _rule(kaya_iste, f"{KA18} (ti, td derived)", "I-PD"),
+    "kaya-ist2e": _rule(kaya_ist2e, f"{KA18} (derived)", "I-PD"),
+    "kaya-iste-exact": _rule(
+        kaya_iste_exact, f"{KA18}, its optimum computed anew (derived)", "I-PD", arrays=False
+    ),
+    "kaya-ist2e-exact": _rule(
+        kaya_ist2e_exact, f"{KA18}, its optimum computed anew (derived)", "I-PD", arrays=False
+    ),
+    "chakraborty": _rule(
+        chakraborty, f"Chakraborty et al. 2017, inferred from examples in {KA18} (derived)", "I-PD"
+    ),
+    "tyreus-luyben": _rule(
+        tyreus_luyben, "Tyreus & Luyben 1992, IEC Res. 31, 2625-2628", "PI", processes=BOTH
+    ),
+    "luyben-pid": _rule(luyben_pid, "Luyben 1996, IEC Res. 35, 3480-3483", "PID", processes=BOTH),
+    "ziegler-nichols": _rule(ziegler_nichols, f"{ZN42}, ultimate gain", "PID", processes=BOTH),
+    "ziegler-nichols-pi": _rule(ziegler_nichols_pi, f"{ZN42}, ultimate gain", "PI", processes=BOTH),
+    "ziegler-nichols-step": _rule(ziegler_nichols_step, f"{ZN42}, reaction curve", "PID", processes=BOTH),
+    "ziegler-nichols-step-pi": _rule(
+        ziegler_nichols_step_pi, f"{ZN42}, reaction curve", "PI", processes=BOTH
+    ),
+    "cohen-coon": _rule(cohen_coon, CC53, "PID", processes=SELF_REGULATING),
+    "cohen-coon-pi": _rule(cohen_coon_pi, CC53, "PI", processes=SELF_REGULATING),
+    "amigo": _rule(
+        amigo, f"Åström & Hägglund 2004, J. Process Control 14, 635-650; {AH06}", "PID", processes=BOTH
+    ),
+    "amigo-pi": _rule(amigo_pi, f"{AH06}, eq. 7.5", "PI", processes=BOTH),
+    "fruehauf": _rule(fruehauf, "Fruehauf, Chien & Lauritsen 1993, ISA", "PI"),
+    "shinskey": _rule(shinskey, "Shinskey 1994, Feedback Controllers for the Process Industries", "PI"),
+    "cluett-wang": _rule(cluett_wang, "Wang & Cluett 1997, IEE Proc. CTA 144, 385-392", "PID"),
+    "averaging": _rule(
+        averaging,
+        "Cheung & Luyben 1979, IEC Fundam. 18, 15-21; damping derived",
+        "PI",
+        parameters=("max_load", "max_deviation"),
+        required=("max_load", "max_deviation"),
+    ),
 }

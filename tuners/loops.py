@@ -1,0 +1,175 @@
+"""The loop gain L(s) of many loops at once: coefficients, magnitude, phase, and the frequencies that matter.
+
+Written out over one denominator, the loop gain of every model and PID form is
+
+    L(s) = g (1 + a1 s + a2 s^2) e^(-theta s) / (s^n (T1 s + 1)(T2 s + 1)(tf s + 1)),   n = 0, 1 or 2
+
+without poles in the right half plane, so that its magnitude and its *continuous* phase are known in closed
+form. Arrays run over loops in their last axis.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from tuners.models import Array, FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
+from tuners.settings import Settings
+
+LOW_LEVEL = 30.0  # below the frequency where |L| falls to this, |S| is under 1/29: no peak, no crossover
+HIGH_LEVEL = 0.1  # above the frequency where |L| falls to this, |S| differs from 1 by 11 % at most
+LOG_POINTS = 128  # 4 to 5 decades at 8-10 % a step: neighbouring peaks stay apart, the rest is refinement
+BEND = 4.0  # angle of the dead time from which the grid goes on in even steps [rad]
+
+
+@dataclass(frozen=True, slots=True)
+class Loops:
+    """Coefficients of L(s), each an array (L,); `lags` is (3, L): T1, T2 and the filter; `n` is a float."""
+
+    g: Array
+    a1: Array
+    a2: Array
+    dead_time: Array
+    lags: Array
+    n: Array
+
+    def take(self, index: np.ndarray) -> Loops:
+        """Return the loops at `index`."""
+        return Loops(
+            self.g[index],
+            self.a1[index],
+            self.a2[index],
+            self.dead_time[index],
+            self.lags[:, index],
+            self.n[index],
+        )
+
+    def magnitude2(self, omega: Array) -> Array:
+        """Squared abs(L) at omega (..., L) [rad/s]."""
+        x = omega * omega
+        numerator = 1 + x * (self.a1 * self.a1 - 2 * self.a2 + x * (self.a2 * self.a2))
+        if np.any(self.a2 > 0):
+            # The expanded form cancels near a lightly damped pair of zeros.
+            numerator = (1 - self.a2 * x) ** 2 + self.a1 * self.a1 * x
+        t1, t2, tf = self.lags * self.lags
+        poles = (1 + t1 * x) * (1 + t2 * x) * (1 + tf * x)
+        power = np.where(self.n == 0, 1.0, np.where(self.n == 1, x, x * x))
+        result: Array = self.g * self.g * numerator / (poles * power)
+        return result
+
+    def phase(self, omega: Array) -> Array:
+        """Continuous phase of L at omega (..., L), with 0 for g > 0 at the origin before the poles [rad]."""
+        lead = np.arctan2(self.a1 * omega, 1 - self.a2 * omega * omega)
+        lag = sum(np.arctan(lag * omega) for lag in self.lags)
+        sign = np.where(self.g < 0, math.pi, 0.0)
+        result: Array = sign + lead - lag - self.n * (math.pi / 2) - omega * self.dead_time
+        return result
+
+    def parts(self, omega: Array) -> tuple[Array, Array]:
+        """Real and imaginary part of L at omega (..., L); real arithmetic is twice as fast as complex."""
+        angle = omega * self.dead_time
+        re, im = np.cos(angle), -np.sin(angle)
+        re, im = _times(re, im, 1 - self.a2 * omega * omega, self.a1 * omega)
+        for lag in self.lags:
+            if np.any(lag > 0):
+                x = lag * omega
+                re, im = _times(re, im, 1.0, -x)
+                scale = 1 / (1 + x * x)
+                re, im = re * scale, im * scale
+        inverse = 1 / omega
+        re, im = _integrate(re, im, inverse, self.n >= 1)
+        re, im = _integrate(re, im, inverse, self.n >= 2)
+        return self.g * re, self.g * im
+
+
+def _times(re: Array, im: Array, re2: Array | float, im2: Array) -> tuple[Array, Array]:
+    return re * re2 - im * im2, re * im2 + im * re2
+
+
+def _integrate(re: Array, im: Array, inverse: Array, where: np.ndarray) -> tuple[Array, Array]:
+    """Divide by j omega where asked."""
+    if not np.any(where):
+        return re, im
+    if np.all(where):
+        return im * inverse, -re * inverse
+    return np.where(where, im * inverse, re), np.where(where, -re * inverse, im)
+
+
+def coefficients(model: Model, settings: Settings) -> tuple[Loops, tuple[int, ...]]:
+    """Write model and settings as L(s), with the shape that they broadcast to."""
+    lag2: FloatOrArray = model.lag2 if isinstance(model, SelfRegulatingModel) else 0.0
+    fields = (
+        model.gain, model.dead_time, model.lag, lag2,
+        settings.kp, settings.ti, settings.td, settings.filter_time,
+    )  # fmt: skip
+    arrays = np.broadcast_arrays(*fields)
+    gain, dead_time, lag, lag2, kp, ti, td, tf = (np.asarray(a, dtype=float).ravel() for a in arrays)
+    integral = np.isfinite(ti)
+    safe_ti = np.where(integral, ti, 1.0)
+    if settings.form == "series":
+        a1, a2 = np.where(integral, safe_ti + td, td), np.where(integral, safe_ti * td, 0.0)
+    else:
+        a1 = np.where(integral, safe_ti, td) + tf
+        a2 = np.where(integral, safe_ti * (tf + td), 0.0)
+    n = integral.astype(float) + isinstance(model, IntegratingModel)
+    loops = Loops(gain * kp / safe_ti, a1, a2, dead_time, np.stack([lag, lag2, tf]), n)
+    return loops, arrays[0].shape
+
+
+def _reach(c: Array, order: Array, lags: Array) -> Array:
+    """Frequency beyond which ``c omega^-order / prod max(1, omega lag)`` stays below 1 [rad/s].
+
+    Each subset of the lags, taken as pure integrations, bounds the term from above; the least counts.
+    0 where the term is below 1 everywhere, inf where it never falls below.
+    """
+    best = np.full(c.shape, np.inf)
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        for chosen in product((False, True), repeat=len(lags)):
+            divisor = np.prod(lags[list(chosen)], axis=0)
+            total = order + sum(chosen)
+            power = (c / divisor) ** (1 / np.maximum(total, 1))
+            flat = np.where((total == 0) & (c <= divisor), 0.0, np.inf)
+            best = np.where(divisor > 0, np.minimum(best, np.where(total > 0, power, flat)), best)
+    return best
+
+
+def span(loops: Loops) -> tuple[Array, Array]:
+    """Lowest and highest frequency worth looking at [rad/s]."""
+    g, lags = np.abs(loops.g), loops.lags
+    numerator = (np.ones_like(g), loops.a1, loops.a2)
+    # |numerator| <= 1 + a1 w + a2 w^2: with each term below a third of the level, so is their sum.
+    high = np.max(
+        [_reach(3 * g * a / HIGH_LEVEL, loops.n - i, lags) for i, a in enumerate(numerator)], axis=0
+    )
+    # Slow loops peak where the phase is, not where the gain is; 5/theta lies beyond -180 degrees.
+    total = loops.dead_time + lags.sum(axis=0) + loops.a1
+    total = np.where(total > 0, total, 1.0)
+    shortest = np.where(lags > 0, lags, np.inf).min(axis=0)
+    with np.errstate(divide="ignore"):
+        phase = np.where(loops.dead_time > 0, 5 / loops.dead_time, np.maximum(30 / shortest, 30 / total))
+    high = np.maximum(np.where(np.isfinite(high), high, 20 * phase), phase)
+    # |numerator| >= max(1/2, a1 w) while a2 w^2 <= 1/2, and 1 + w lag <= 2 max(1, w lag).
+    c = g / (LOW_LEVEL * 2.0 ** (lags > 0).sum(axis=0))
+    slow = np.where(
+        loops.n > 0, np.maximum(_reach(c / 2, loops.n, lags), _reach(c * loops.a1, loops.n - 1, lags)), 0
+    )
+    low = np.where((slow > 0) & np.isfinite(slow), slow, 1e-3 / total)
+    with np.errstate(divide="ignore"):
+        low = np.minimum(low, np.sqrt(0.5 / loops.a2))
+    return np.minimum(low, high / 100), high
+
+
+def grid(loops: Loops, low: Array, high: Array, linear: int) -> Array:
+    """Frequencies (points, L) [rad/s]: geometric up to about one radian of dead time, then even steps."""
+    with np.errstate(divide="ignore"):
+        bend = np.minimum(high, BEND / loops.dead_time) if linear else high
+    share = np.linspace(0.0, 1.0, LOG_POINTS)[:, np.newaxis]
+    logs = np.log(low)
+    points = np.exp(logs + share * (np.log(bend) - logs))
+    if not linear:
+        return np.asarray(points)
+    rest = np.arange(1, linear + 1)[:, np.newaxis] / linear
+    return np.concatenate([points, bend + rest * (high - bend)])

@@ -104,5 +104,5 @@ class Controller:
         s = 1j * omega
         derivative = self.lead * s / (self.filter_time * s + 1)
         if self.form == "series":
-            return np.asarray(self.kp * (1 + 1 / (self.ti * s)) * (1 + derivative), dtype=np.complex128)
-        return np.asarray(self.kp * (1 + 1 / (self.ti * s) + derivative), dtype=np.complex128)
+            return np.asarray(self.kp * (1 + 1 / self.ti / s) * (1 + derivative), dtype=np.complex128)
+        return np.asarray(self.kp * (1 + 1 / self.ti / s + derivative), dtype=np.complex128)

@@ -119,7 +119,11 @@ def model_fields(fit: Fit) -> dict[str, float]:
     for name in ("gain", "t0", "dead_time", "lag"):
         more = half.get(name, 0.0)
         low, high = fit.interval(name)
-        fields |= {name: float(getattr(fit, name)) + more, f"{name}_lo": low + more, f"{name}_hi": high + more}
+        fields |= {
+            name: float(getattr(fit, name)) + more,
+            f"{name}_lo": low + more,
+            f"{name}_hi": high + more,
+        }
     return fields
 
 

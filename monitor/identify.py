@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 jit: Any = numba.njit(cache=True, error_model="numpy")
 
 Array = NDArray[np.float64]
+FILL, REFLECT, EXPAND, CONTRACT = range(4)
+"""Phases of the simplex search."""
 
 INTEGRATING, SELF_REGULATING = "integrating", "self-regulating"
 
@@ -139,16 +141,14 @@ def fit_window(window: Array, before: int, process: str) -> Fit | None:
 def _fit_at(t: Array, u: Array, y: Array, kind: int, best: Array) -> Fit | None:
     """Gain, quality and covariance at the optimum found."""
     dead_time, lag, lag2 = (float(v) for v in best[1:4])
-    columns = _jacobian(t, u, y, kind, dead_time, lag, lag2)  # x, dy/dlag, dy/ddead_time; projected
     gain = float(best[4])
     if gain == 0.0:
         return None
-    residual = _residual(t, u, y, kind, dead_time, lag, lag2)
+    residual, j = _jacobian(t, u, y, kind, best)
     rss = float(residual @ residual)
     spread = float(np.sum((y - y.mean()) ** 2))
     n_eff = len(t) / correlation_time(residual)
     variance = max(rss / max(len(t) - 6, 1), 1e-24 * spread)
-    j = columns * np.array([gain, 1.0, 1.0])
     t0 = lag + lag2 + dead_time
     step = float(np.median(np.diff(t)))
     # lag and dead time are parts of T0: where the data cannot tell them apart, neither exceeds it by much
@@ -248,6 +248,22 @@ def correlation_time(residual: Array) -> float:
     return min(total, n / 8)
 
 
+def _jacobian(t: Array, u: Array, y: Array, kind: int, best: Array) -> tuple[Array, Array]:
+    """Residuals (n,), and (n, 3): PV's change per unit of ln gain, of lag and of dead time [s]; projected."""
+    dead_time, lag, lag2, gain = best[1:]
+
+    def at(dead_time: float, lag: float) -> Array:
+        return np.asarray(gain * _project(_response(t, u, kind, dead_time, lag, lag2), t, kind))
+
+    here = at(dead_time, lag)
+    # a secant of 5 %: at a lag of zero the tangents of lag and dead time coincide
+    step = 0.05 * (lag + dead_time) + 0.05 * (t[-1] - t[0]) / len(t)
+    less_lag, less_dead = max(lag - step, 0.0), max(dead_time - step, 0.0)
+    by_lag = (at(dead_time, lag + step) - at(dead_time, less_lag)) / (lag + step - less_lag)
+    by_dead_time = (at(dead_time + step, lag) - at(less_dead, lag)) / (dead_time + step - less_dead)
+    return _project(y.copy(), t, kind) - here, np.column_stack([here, by_lag, by_dead_time])
+
+
 # ---------------------------------------------------------------------------------------------------
 # compiled from here on; kind 0 = integrating, 1 = self-regulating
 
@@ -340,35 +356,6 @@ def _gain_and_rss(t, u, y, kind, dead_time, lag, lag2):  # type: ignore[no-untyp
 
 
 @jit
-def _residual(t, u, y, kind, dead_time, lag, lag2):  # type: ignore[no-untyped-def]
-    py = _project(y.copy(), t, kind)
-    x = _project(_response(t, u, kind, dead_time, lag, lag2), t, kind)
-    gain = (x * py).sum() / (x * x).sum()
-    return py - gain * x
-
-
-@jit
-def _jacobian(t, u, y, kind, dead_time, lag, lag2):  # type: ignore[no-untyped-def]
-    """(n, 3): the model's response, and PV's change per second of lag and of dead time; projected."""
-    py = _project(y.copy(), t, kind)
-    out = np.empty((len(t), 3))
-    x = _project(_response(t, u, kind, dead_time, lag, lag2), t, kind)
-    gain = (x * py).sum() / (x * x).sum()
-    out[:, 0] = x
-    # a secant of 5 %: at a lag of zero the tangents of lag and dead time coincide
-    step = 0.05 * (lag + dead_time) + 0.05 * (t[-1] - t[0]) / len(t)
-    low = max(lag - step, 0.0)
-    a = _response(t, u, kind, dead_time, lag + step, lag2)
-    b = _response(t, u, kind, dead_time, low, lag2)
-    out[:, 1] = _project((a - b) * (gain / (lag + step - low)), t, kind)
-    low = max(dead_time - step, 0.0)
-    a = _response(t, u, kind, dead_time + step, lag, lag2)
-    b = _response(t, u, kind, low, lag, lag2)
-    out[:, 2] = _project((a - b) * (gain / (dead_time + step - low)), t, kind)
-    return out
-
-
-@jit
 def _search(t, u, y, kind):  # type: ignore[no-untyped-def]
     """Best (rss, dead time, lag, lag2, gain): a coarse grid, then Nelder-Mead."""
     py = _project(y.copy(), t, kind)
@@ -419,44 +406,94 @@ def _cost(t, u, py, kind, p, longest):  # type: ignore[no-untyped-def]
 
 @jit
 def _nelder_mead(t, u, py, kind, start, dim, step, longest):  # type: ignore[no-untyped-def]
-    """Downhill simplex (Nelder & Mead 1965) in (dead time, lag[, lag2])."""
+    """Downhill simplex (Nelder & Mead 1965) in (dead time, lag[, lag2]).
+
+    Written with scalars and one place that evaluates the cost: array expressions and copies of the inlined
+    cost would take most of the time that compiling takes.
+    """
     points = np.zeros((dim + 1, 3))
-    values = np.empty(dim + 1)
+    values = np.zeros(dim + 1)
+    centre, trial, kept = np.zeros(3), np.zeros(3), np.zeros(3)
     scale = 0.2 * (start[1] + start[2]) + 0.2 * step
     for k in range(dim + 1):
-        points[k] = start[1:4]
-        if k > 0:
-            points[k, k - 1] += scale
-        values[k] = _cost(t, u, py, kind, points[k], longest)
-    for _ in range(120):
-        order = np.argsort(values)
-        points, values = points[order], values[order]
-        if values[-1] - values[0] <= 1e-10 * values[0] or np.abs(points[-1] - points[0]).max() < 1e-7 * step:
-            break
-        centre = np.zeros(3)
-        for k in range(dim):
-            centre += points[k] / dim
-        trial = centre + (centre - points[-1])
+        for m in range(3):
+            points[k, m] = start[1 + m] + (scale if k == m + 1 else 0.0)
+    at, phase, kept_value = 0, FILL, 0.0  # `at`: the vertex that is evaluated while the simplex is (re)filled
+    for _ in range(200):
+        if phase == FILL:
+            _toward(trial, points[at], points[at], 0.0)
         value = _cost(t, u, py, kind, trial, longest)
-        if value < values[0]:
-            far = centre + 2.0 * (centre - points[-1])
-            far_value = _cost(t, u, py, kind, far, longest)
-            if far_value < value:
-                trial, value = far, far_value
-        elif value >= values[-2]:
-            trial = centre + 0.5 * ((trial if value < values[-1] else points[-1]) - centre)
-            value = _cost(t, u, py, kind, trial, longest)
-            if value >= values[-1]:
-                for k in range(1, dim + 1):
-                    points[k] = points[0] + 0.5 * (points[k] - points[0])
-                    values[k] = _cost(t, u, py, kind, points[k], longest)
+        if phase == FILL:
+            values[at] = value
+            at += 1
+            if at <= dim:
                 continue
-        points[-1], values[-1] = trial, value
-    k = np.argmin(values)
+        elif phase == REFLECT and value < values[0]:
+            _toward(kept, trial, trial, 0.0)
+            kept_value = value
+            _toward(trial, centre, points[dim], -2.0)
+            phase = EXPAND
+            continue
+        elif phase == REFLECT and value >= values[dim - 1]:
+            _toward(kept, points[dim], points[dim], 0.0)
+            if value < values[dim]:
+                _toward(kept, trial, trial, 0.0)
+            _toward(trial, centre, kept, 0.5)
+            phase = CONTRACT
+            continue
+        elif phase == EXPAND and value >= kept_value:
+            _toward(points[dim], kept, kept, 0.0)
+            values[dim] = kept_value
+        elif phase == CONTRACT and value >= values[dim]:
+            for k in range(1, dim + 1):
+                _toward(points[k], points[0], points[k], 0.5)
+            at, phase = 1, FILL
+            continue
+        else:
+            _toward(points[dim], trial, trial, 0.0)
+            values[dim] = value
+        _sort(points, values)
+        if values[dim] - values[0] <= 1e-10 * values[0] or _size(points) < 1e-7 * step:
+            break
+        for m in range(3):
+            centre[m] = 0.0
+            for k in range(dim):
+                centre[m] += points[k, m] / dim
+        _toward(trial, centre, points[dim], -1.0)
+        phase = REFLECT
+    _sort(points, values)
     out = np.empty(5)
-    out[1:4] = np.abs(points[k])
-    if dim == 3 and out[3] > out[2]:
+    for m in range(3):
+        out[1 + m] = abs(points[0, m])
+    if out[3] > out[2]:
         out[2], out[3] = out[3], out[2]
-    gain, rss = _gain_and_rss(t, u, py, kind, out[1], out[2], out[3])
-    out[0], out[4] = rss, gain
+    out[4], out[0] = _gain_and_rss(t, u, py, kind, out[1], out[2], out[3])
     return out
+
+
+@jit
+def _toward(out, a, b, share):  # type: ignore[no-untyped-def]
+    """``out = a + share (b - a)``."""
+    for m in range(3):
+        out[m] = a[m] + share * (b[m] - a[m])
+
+
+@jit
+def _size(points):  # type: ignore[no-untyped-def]
+    """Largest distance, in any coordinate, of the worst point from the best."""
+    far = 0.0
+    for m in range(3):
+        far = max(far, abs(points[-1, m] - points[0, m]))
+    return far
+
+
+@jit
+def _sort(points, values):  # type: ignore[no-untyped-def]
+    """Sort the vertices by value, in place (insertion: there are three or four)."""
+    for k in range(1, len(values)):
+        j = k
+        while j > 0 and values[j - 1] > values[j]:
+            values[j - 1], values[j] = values[j], values[j - 1]
+            for m in range(3):
+                points[j - 1, m], points[j, m] = points[j, m], points[j - 1, m]
+            j -= 1

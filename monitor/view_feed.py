@@ -8,17 +8,23 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections import Counter, deque
-from collections.abc import Callable, Iterable, Mapping
-from datetime import datetime
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections import Counter, OrderedDict, deque
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
 from monitor import view_text
-
-if TYPE_CHECKING:
-    from monitor.adapters.rerun_view import Pane, Picture, Trend, Window
+from monitor.view_data import (
+    Pane,
+    Trend,
+    Window,
+    decode_record,
+    decode_trend,
+    decode_window,
+    merge,
+    nanoseconds,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -36,9 +42,13 @@ QUESTIONS = 5
 """Questions to the monitor a tick."""
 SWAP = 0.8
 """A loop takes another's place only when it is this much worse: tabs must not flicker."""
-SILENCE = 6
-"""Ticks without a health record after which the next one means a monitor that has come back."""
+QUESTIONS_WAITING = 20_000
+SILENCE = 100
+"""Ticks without a health record (due every 40) after which the next one means a monitor that has come back."""
+EVENTS = 2000
+"""Assessments kept for the pages of the loops shown."""
 PAYLOAD_MAX = 4 << 20
+"""A larger payload [bytes] is none of the monitor's."""
 
 
 class Message(NamedTuple):
@@ -72,33 +82,47 @@ class Inbox:
         return list(entries)
 
 
+class Drawing(Protocol):
+    """What the feed draws on: ``monitor.adapters.rerun_view.Picture``."""
+
+    now: int
+
+    def window(self, window: Window) -> None: ...  # noqa: D102
+    def trend(self, trend: Trend) -> None: ...  # noqa: D102
+    def log(self, text: str, level: str, time: int | None) -> None: ...  # noqa: D102
+    def page(self, text: str, loop: str | None = None) -> None: ...  # noqa: D102
+    def layout(self, panes: list[Pane], active: str | None = None) -> None: ...  # noqa: D102
+
+
 class Board:
     """The loops as the monitor sees them, and which of them are shown. Knows neither Zenoh nor Rerun."""
 
     def __init__(self, most: int = SHOWN) -> None:
         self.rows: dict[str, dict[str, Any]] = {}
+        """Rows of the flagged loops, and of the pinned one."""
         self.keys: dict[str, str] = {}
-        """Loop key of each name."""
-        self.assessments: dict[str, dict[str, Any]] = {}
-        """The newest assessment of each flagged or shown loop."""
-        self.windows: dict[str, Window] = {}
-        """The newest window of each shown loop."""
+        """Their loop keys."""
         self.pinned: str | None = None
         """A loop that is shown whatever its verdict."""
         self.shown: list[str] = []
+        self._verdicts: dict[str, str] = {}
         self._counts: Counter[str] = Counter()
+        self._ranked: list[dict[str, Any]] | None = None
         self._most = most
 
     def put(self, row: Mapping[str, Any], key: str) -> None:
         """Take over a loop's current row."""
-        name = str(row["loop"])
-        old = self.rows.get(name)
-        if old is not None:
-            self._counts[str(old.get("verdict"))] -= 1
-        self._counts[str(row.get("verdict"))] += 1
-        flagged = row.get("verdict") == "retune"
-        kept = dict(row) if flagged or name == self.pinned else {"loop": name, "verdict": row.get("verdict")}
-        self.rows[name], self.keys[name] = kept, key
+        name, verdict = str(row["loop"]), str(row.get("verdict"))
+        self._counts[self._verdicts.get(name, "")] -= 1
+        self._counts[verdict] += 1
+        self._verdicts[name] = verdict
+        if verdict == "retune" or name == self.pinned:
+            self.rows[name], self.keys[name] = dict(row), key
+        elif name in self.rows:
+            del self.rows[name], self.keys[name]
+        else:
+            return
+        self._ranked = None
 
     def counts(self) -> dict[str, int]:
         """Loops by verdict."""
@@ -106,7 +130,11 @@ class Board:
 
     def flagged(self) -> list[dict[str, Any]]:
         """Rows of the flagged loops, worst first."""
-        return sorted((row for row in self.rows.values() if row.get("verdict") == "retune"), key=severity)
+        if self._ranked is None:
+            self._ranked = sorted(
+                (row for row in self.rows.values() if row.get("verdict") == "retune"), key=severity
+            )
+        return self._ranked
 
     def choose(self) -> bool:
         """Choose the loops to show; True where the choice has changed.
@@ -122,15 +150,13 @@ class Board:
             if len(stay) < self._most:
                 stay.append(name)
                 continue
-            mildest = max((n for n in stay if n != self.pinned), key=lambda n: by_name[n])
-            if by_name[name] >= SWAP * by_name[mildest]:
+            mildest = max((n for n in stay if n != self.pinned), key=lambda n: by_name[n], default=None)
+            if mildest is None or by_name[name] >= SWAP * by_name[mildest]:
                 break
             stay[stay.index(mildest)] = name
         stay.sort(key=lambda n: by_name.get(n, -1.0))
         changed = set(stay) != set(self.shown)
         self.shown = stay
-        for forgotten in [n for n in self.windows if n not in stay]:
-            del self.windows[forgotten]
         return changed
 
 
@@ -142,28 +168,46 @@ def severity(row: Mapping[str, Any]) -> float:
 
 
 class Feed:
-    """Carries what the monitor says into the picture. ``tick`` a few times a second from one thread."""
+    """Carries what the monitor says into the picture. ``tick`` a few times a second from one thread.
 
-    def __init__(self, session: Any, picture: Picture, most: int = SHOWN) -> None:
+    Parameters
+    ----------
+    session
+        Zenoh session, a client of the monitor's.
+    picture
+        What to draw on.
+    most
+        Loops with charts of their own.
+    """
+
+    def __init__(self, session: Any, picture: Drawing, most: int = SHOWN) -> None:
         self.board = Board(most)
-        self.inbox = Inbox()
-        self.replies = Inbox(REPLIES)
-        self.causes: Counter[str] = Counter()
-        """What could not be used, by cause."""
+        self.inbox, self.replies = Inbox(), Inbox(REPLIES)
+        self.refused: Counter[str] = Counter()
+        """Payloads that could not be read, by cause."""
         self._session, self._picture = session, picture
-        self._subscribers = [session.declare_subscriber(f"{PREFIX}/**/{leaf}", self._hear) for leaf in FACTS]
-        self._subscribers.append(session.declare_subscriber(f"{PREFIX}/@/*/status", self._hear))
+        self._facts: list[Any] = []
         self._streams: dict[str, list[Any]] = {}
-        self._questions: deque[str] = deque()
-        self._asked: set[str] = set()
+        """Subscribers of each shown loop's windows and trend."""
+        self._questions: dict[str, None] = {}
+        self._events: OrderedDict[str, dict[str, Any]] = OrderedDict()
+        self._windows: OrderedDict[str, Window] = OrderedDict()
+        """The newest window of each loop that was asked for."""
+        self._drawn: OrderedDict[str, None] = OrderedDict()
+        self._evidence: dict[str, str] = {}
+        """The event that stands for each loop: what its suggestion rests on, else the best that is remembered."""
+        self._cited: set[str] = set()
+        """Loops whose suggestion has named its evidence."""
         self._health: dict[str, Any] | None = None
         self._silent = SILENCE
+        self._layout = _Layout(picture)
         self._pages: dict[str | None, str] = {}
-        self._layout: tuple[Pane, ...] | None = None
-        self._evidence: dict[str, str] = {}
 
-    def start(self) -> None:
-        """Ask for the state of all loops: a view that is opened late shows what is flagged already."""
+    def listen(self) -> None:
+        """Hear the monitor's records from now on, and ask for all loops' state: a late view misses nothing."""
+        keys = [f"{PREFIX}/**/{leaf}" for leaf in FACTS]
+        keys.append(f"{PREFIX}/@/*/status")  # what begins with @ no wildcard matches
+        self._facts = [self._session.declare_subscriber(key, self._hear) for key in keys]
         self._ask(f"{PREFIX}/**/status")
 
     def pin(self, event: str) -> None:
@@ -179,21 +223,24 @@ class Feed:
         for message in (*self.replies.take(), *self.inbox.take()):
             try:
                 self._one(message, trends, lines)
-            except (ValueError, KeyError, TypeError, OverflowError, msgspec.MsgspecError) as error:
+            except (ValueError, KeyError, TypeError, IndexError, msgspec.MsgspecError) as error:
                 self._refuse(message, error)
-        self._write_log(lines)
+        if self.board.choose():
+            self._follow()
+        self._write(lines)
         for parts in trends.values():
-            self._picture.trend(merged(parts))
-        self._follow()
+            self._picture.trend(merge(parts))
         for _ in range(min(QUESTIONS, len(self._questions))):
-            self._ask(self._questions.popleft())
+            question = next(iter(self._questions))
+            del self._questions[question]
+            self._ask(question)
         self._draw()
 
     def close(self) -> None:
         """Hear nothing any more."""
-        for subscriber in (*self._subscribers, *(s for pair in self._streams.values() for s in pair)):
+        for subscriber in (*self._facts, *(s for pair in self._streams.values() for s in pair)):
             subscriber.undeclare()
-        self._subscribers.clear()
+        self._facts.clear()
         self._streams.clear()
 
     def _hear(self, sample: Any) -> None:
@@ -207,45 +254,174 @@ class Feed:
     def _ask(self, selector: str) -> None:
         self._session.get(selector, self._answered, timeout=10.0)
 
+    def _question(self, selector: str) -> None:
+        """Ask when it is this one's turn: however much happens, the monitor answers a few questions a tick."""
+        if len(self._questions) < QUESTIONS_WAITING:
+            self._questions[selector] = None
+
     def _one(self, message: Message, trends: dict[str, list[Trend]], lines: list[dict[str, Any]]) -> None:
         chunks = message.key.split("/")
         if chunks[1] == "@":
-            self._heard_health(message, chunks[2])
+            self._heard_health(decode_record(message.payload), chunks[2])
             return
         by_id = chunks[-2] in ("history", "window")
         leaf, key = (chunks[-2], chunks[1:-2]) if by_id else (chunks[-1], chunks[1:-1])
         if leaf == "window":
-            self._window(decode_window(message.payload))
+            window = decode_window(message.payload)
+            held = self._windows.get(window.loop)
+            if held is None or window.onset >= held.onset or window.id == self._evidence.get(window.loop):
+                _keep(self._windows, window.loop, window, 4 * SHOWN)
         elif leaf == "trend":
             trend = decode_trend(message.payload)
             trends.setdefault(trend.loop, []).append(trend)
         else:
-            self._fact(leaf, "/".join(key), record(message.payload), lines)
+            self._fact(leaf, "/".join(key), decode_record(message.payload), lines)
 
     def _fact(self, leaf: str, key: str, fact: dict[str, Any], lines: list[dict[str, Any]]) -> None:
-        if not isinstance(fact.setdefault("loop", key), str):
-            raise ValueError("loop is no text")
-        name = fact["loop"]
+        name = fact.setdefault("loop", key)
+        if not isinstance(name, str):
+            raise TypeError("loop is no text")
         if leaf in ("status", "suggestion"):
             self.board.put(fact, key)
-            if leaf == "suggestion":
-                self._evidence[name] = str((fact.get("evidence") or [""])[-1])
-            return
-        if leaf in ("assessment", "history"):
-            newest = self.board.assessments.get(name)
-            if newest is None or str(fact.get("start")) >= str(newest.get("start")):
-                self.board.assessments[name] = fact
-            if leaf == "assessment":  # its loop's verdict may have changed
-                self._question(f"{PREFIX}/{key}/status")
-            else:
-                self._question(f"{PREFIX}/{key}/window/{fact['id']}")
-        if leaf != "history":
+            if leaf == "suggestion" and fact.get("evidence"):
+                self._evidence[name] = event = str(fact["evidence"][-1])
+                self._cited.add(name)
+                self._question(f"{PREFIX}/{key}/window/{event}")
+        elif leaf == "assessment":
+            _keep(self._events, str(fact["id"]), fact, EVENTS)
+            self._question(f"{PREFIX}/{key}/status")  # the loop's verdict may have changed with it
+        elif leaf == "history":
+            _keep(self._events, str(fact["id"]), fact, EVENTS)
+            self._remembered(name, key, fact)
+        if leaf in ("event", "assessment"):
             lines.append(fact)
 
-    def _window(self, window: Window) -> None:
-        held = self.board.windows.get(window.loop)
-        if window.loop not in self.board.shown or (held is not None and held.id == window.id):
+    def _remembered(self, name: str, key: str, fact: dict[str, Any]) -> None:
+        """An event of the past: its window is asked for where it is the loop's best evidence so far."""
+        if not self._facts:  # a single event is shown
+            self.board.pinned = name
+            self.board.put(as_row(fact), key)
+            self._question(f"{PREFIX}/{key}/status")
+        if name in self._cited:
             return
-        self._picture.window(window)
-        if held is None or window.onset >= held.onset:
-            self.board.windows[window.loop] = window
+        best = self._events.get(self._evidence.get(name, ""))
+        if best is None or _worth(fact) > _worth(best):
+            self._questions.pop(f"{PREFIX}/{key}/window/{self._evidence.get(name)}", None)
+            self._evidence[name] = str(fact["id"])
+            self._question(f"{PREFIX}/{key}/window/{fact['id']}")
+
+    def _heard_health(self, health: dict[str, Any], monitor: str) -> None:
+        if self._silent >= SILENCE and self._health is not None:
+            self._ask(f"{PREFIX}/**/status")
+        elif self._health is None and not self.board.counts():
+            self._ask(f"{PREFIX}/**/status")
+        self._silent, self._health = 0, {**health, "id": monitor}
+
+    def _refuse(self, message: Message, error: Exception) -> None:
+        cause = type(error).__name__
+        self.refused[cause] += 1
+        if self.refused[cause] == 1:
+            logger.warning("%s: payload not shown: %s", view_text.plain(message.key), view_text.plain(error))
+
+    def _write(self, lines: list[dict[str, Any]]) -> None:
+        """Log events at their own time; of a storm only the first ones, and how many more there were."""
+        for fact in lines[:LOG_LINES]:
+            text, level = view_text.log_line(fact)
+            self._picture.log(text, level, nanoseconds(fact.get("end")) or nanoseconds(fact.get("start")))
+        if len(lines) > LOG_LINES:
+            self._picture.log(f"and {len(lines) - LOG_LINES} more events and assessments", "INFO", None)
+
+    def _follow(self) -> None:
+        """Hear windows and trends of the loops shown, and of no others; ask for what came before."""
+        for name in [n for n in self._streams if n not in self.board.shown]:
+            for subscriber in self._streams.pop(name):
+                subscriber.undeclare()
+            self._evidence.pop(name, None)
+            self._cited.discard(name)
+        if not self._facts:
+            return
+        for name in [n for n in self.board.shown if n not in self._streams]:
+            base = f"{PREFIX}/{self.board.keys[name]}"
+            self._streams[name] = [
+                self._session.declare_subscriber(f"{base}/{leaf}", self._hear) for leaf in ("window", "trend")
+            ]
+            self._question(f"{base}/history/*?limit=10")
+
+    def _draw(self) -> None:
+        for name in self.board.shown:
+            window = self._windows.get(name)
+            if window is not None and window.id not in self._drawn:
+                _keep(self._drawn, window.id, None, EVENTS)
+                self._picture.window(window)
+        windows = {name: self._windows[name] for name in self.board.shown if name in self._windows}
+        self._layout.update(self.board.shown, windows, self._evidence)
+        for name in self.board.shown:
+            event = self._events.get(self._layout.fitted(name))
+            self._page(view_text.loop_page(self.board.rows[name], event), name)
+        notes = [f"view: {n:,} messages dropped" for n in [self.inbox.dropped + self.replies.dropped] if n]
+        notes += [f"view: {n:,} payloads not readable" for n in [self.refused.total()] if n]
+        health = self._health if self._picture.now else None
+        flagged = self.board.flagged()
+        self._page(view_text.overview(flagged, self.board.counts(), health, notes), None)
+
+    def _page(self, text: str, loop: str | None) -> None:
+        if self._pages.get(loop) != text:
+            self._pages[loop] = text
+            self._picture.page(text, loop)
+
+
+class _Layout:
+    """When to lay out anew: each time costs the reader his zoom and tab, and the viewer memory."""
+
+    def __init__(self, picture: Drawing) -> None:
+        self._picture = picture
+        self._panes: list[Pane] = []
+        self._ids: dict[str, str] = {}
+        self._sent: tuple[object, ...] | None = None
+        self._wait, self._count = 0, 0
+
+    def fitted(self, name: str) -> str:
+        """Id of the event that the loop's charts are fitted to, or empty."""
+        return self._ids.get(name, "")
+
+    def update(self, shown: list[str], windows: Mapping[str, Window], evidence: Mapping[str, str]) -> None:
+        """Send a layout where the loops or their evidence have changed, and not too often."""
+        for name in [n for n in self._ids if n not in shown]:
+            del self._ids[name]
+        for name, window in windows.items():
+            if name not in self._ids or window.id == evidence.get(name):
+                self._ids[name] = window.id
+        state = (tuple(shown), tuple(sorted(self._ids.items())), self._picture.now > 0)
+        self._wait -= 1
+        if state == self._sent or self._wait > 0:
+            return
+        old = {pane.loop: pane for pane in self._panes}
+        panes = []
+        for name in shown:
+            window = windows.get(name)
+            if window is not None and window.id == self._ids.get(name):
+                panes.append(Pane(name, int(window.time[0]), int(window.time[-1])))
+            else:
+                panes.append(old.get(name, Pane(name, 0, 0)))
+        fresh = [name for name in shown if name not in old]
+        self._picture.layout(panes, fresh[0] if fresh else None)
+        self._panes, self._sent = panes, state
+        self._count += 1
+        self._wait = min(120, 2 * self._count)
+
+
+def as_row(assessment: Mapping[str, Any]) -> dict[str, Any]:
+    """Build a loop's row of one event alone, for an event whose loop has none."""
+    index = "ci_load" if assessment.get("kind") == "load" else "ci_setpoint"
+    return {**assessment, index: assessment.get("ci")}
+
+
+def _worth(assessment: Mapping[str, Any]) -> tuple[bool, str]:
+    return assessment.get("verdict") == "retune", str(assessment.get("start"))
+
+
+def _keep(kept: OrderedDict[str, Any], key: str, value: object, most: int) -> None:
+    kept[key] = value
+    kept.move_to_end(key)
+    if len(kept) > most:
+        kept.popitem(last=False)

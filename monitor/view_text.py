@@ -191,7 +191,9 @@ def _stages(row: Row) -> list[str]:
     lines = ["", f"Go there in {len(stages)} stages, with a look at the loop in between:", ""]
     for i, stage in enumerate(stages[:10], 1):
         facts = stage.items() if isinstance(stage, Mapping) else ()
-        told = (f"{escape(k, 20).capitalize()} {escape(_value(v), 20)}" for k, v in facts if k not in ("form",))
+        told = (
+            f"{escape(k, 20).capitalize()} {escape(_value(v), 20)}" for k, v in facts if k not in ("form",)
+        )
         lines.append(f"{i}. {', '.join(told)}")
     return lines
 
@@ -220,13 +222,19 @@ def _model(row: Row) -> list[str]:
         if row.get(key) is None:
             continue
         low, high = number(row.get(f"{key}_lo")), number(row.get(f"{key}_hi"))
-        lines.append(f"| {words} \\[{unit if key == 'gain' else 's'}\\] | {number(row[key])} | {low} … {high} |")
+        lines.append(
+            f"| {words} \\[{unit if key == 'gain' else 's'}\\] | {number(row[key])} | {low} … {high} |"
+        )
     return lines if len(lines) > 4 else [*lines[:1], "", "The data cannot carry a model."]
 
 
 def _event(record: Row) -> list[str]:
     unit = {"setpoint": "PV", "load": "OP"}.get(str(record.get("kind")), "–")
-    lines = ["## Event shown", "", f"{_kind(record).capitalize()} at {escape(clock(record.get('start')))} UTC,"]
+    lines = [
+        "## Event shown",
+        "",
+        f"{_kind(record).capitalize()} at {escape(clock(record.get('start')))} UTC,",
+    ]
     lines[-1] += f" size {number(record.get('amplitude'))} {unit}, CI {number(record.get('ci'), 2)},"
     lines[-1] += f" model explains {number(_percent(record.get('fit')), 3)} % of PV."
     return lines

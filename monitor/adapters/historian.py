@@ -1,26 +1,544 @@
-"""Historian exports in, tables out: Parquet and CSV, the columns of a file and nothing about their meaning in time.
+"""Historian exports in, tables out: Parquet and CSV, a file's columns and nothing about the order of time.
 
-A file is looked at once (`inspect`: format, layout, clock, all bounds) and then read in batches (`read`), so
-that memory does not grow with history. Nothing is resampled; what cannot be read is counted in a `Tally`.
+A file is looked at once (`inspect`: format, layout, clock, bounds) and then read in batches (`read`), so that
+memory does not grow with history. Nothing is resampled; what cannot be read is counted in a `Tally`.
 """
 
 from __future__ import annotations
 
 import codecs
 import csv
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from .cells import CellsError, codes_of, modes, numbers, qualities, text_times
-from .layouts import LONG, TIME, WIDE, Layout, layout_of, normal_name
-from .rows import MOST_LINES, Rows, Tally, UnusableError, join_rows
+from ..samples import GOOD
+from .cells import codes_of, is_text, modes, numbers, plain, qualities, text_times
+from .layouts import LONG, NEEDED, TIME, WIDE, Layout, layout_of, normal_name
+from .rows import MOST_LINES, Rows, Tally, UnusableError
 from .times import Clock, clock_of_numbers, numbers_to_ns, plausible
+
+CELLS = 1 << 20
+"""Values decoded at a time: 8 MB, so that a batch stays in the cache between reading and detection."""
+MOST_COLUMNS = 100_000
+MOST_LINE_BYTES = 16 << 20
+"""Longest line of a CSV file; also what is read of it at a time."""
+BLOCK_BYTES = 1 << 20
+FREE_BYTES = 256 << 20
+"""Decoded size up to which the ratio to the file's size does not matter."""
+MOST_RATIO = 1000
+"""Decoded size over file size. Idle loops of a fleet come to 40; a file made to do harm has thousands."""
+MOST_CHUNK_BYTES = 2 << 30
+"""Decoded size of one column in one row group, as the file declares it."""
+_HEAD = 65_536
+"""Rows by which the clock is told."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A file that can be read, and how."""
+
+    path: Path
+    name: str
+    """As it is called in messages and in ``audit.json``."""
+    size: int
+    mtime_ns: int
+    format: str
+    """``parquet`` or ``csv``."""
+    layout: Layout
+    clock: Clock
+    rows: int | None = None
+    """Rows of the file, where its metadata say so."""
+    headings: tuple[str, ...] = ()
+    delimiter: str = ","
+    encoding: str = "utf8"
+
+    @property
+    def loops(self) -> list[str]:
+        """Names of the loops that the headings tell; none for a long file (see `scan`)."""
+        return [] if self.layout.kind == LONG else list(self.layout.columns)
+
+    def place(self, row: int) -> str:
+        """Where a user finds row ``row`` (from 0)."""
+        return f"{self.name}:{row + 2}" if self.format == "csv" else f"{self.name}: row {row + 1}"
+
+
+def inspect(path: Path, name: str = "", names: Collection[str] = (), unit: str | None = None) -> Source:
+    """Look at a file without reading it: format, layout, clock; check all bounds.
+
+    Parameters
+    ----------
+    name
+        What to call it; default: its path.
+    names
+        Names of the loop table.
+    unit
+        Unit of numeric times, where the user names it.
+
+    Raises
+    ------
+    UnusableError
+        In one line, why the file cannot be used.
+    """
+    name = name or str(path)
+    try:
+        look = FORMATS[path.suffix.lower()]
+    except KeyError:
+        raise UnusableError(name, f"suffix {path.suffix!r}, expected {' or '.join(FORMATS)}") from None
+    try:
+        stat = path.stat()
+        if stat.st_size == 0:
+            raise UnusableError(name, "an empty file")
+        return look(path, name, names, unit, stat)
+    except (ValueError, OSError, NotImplementedError, pa.ArrowException, csv.Error) as error:
+        raise _unusable(name, error) from None
+
+
+def _unusable(name: str, error: BaseException) -> UnusableError:
+    if isinstance(error, UnusableError):
+        return error
+    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    line = " ".join(reason.split())[:300]
+    if "straddling" in line:
+        line = f"a line of more than {MOST_LINE_BYTES >> 20} MB, or a quote that is never closed"
+    elif "invalid UTF8" in line:
+        line = "neither UTF-8 nor, from its start, another encoding; save it as UTF-8"
+    return UnusableError(name, line or type(error).__name__)
+
+
+# ---------------------------------------------------------------------------------------------------
+# Parquet
+
+
+def _open_parquet(path: Path, loop: str = "") -> Any:
+    return pq.ParquetFile(path, read_dictionary=[loop] if loop else None)
+
+
+def _inspect_parquet(path: Path, name: str, names: Collection[str], unit: str | None, stat: Any) -> Source:
+    file = _open_parquet(path)
+    meta = file.metadata
+    if meta.num_columns > MOST_COLUMNS:
+        raise ValueError(f"{meta.num_columns} columns, expected at most {MOST_COLUMNS}")
+    layout = layout_of(file.schema_arrow.names, path, names)
+    _bound(meta, layout, stat.st_size)
+    source = Source(
+        path, name, stat.st_size, stat.st_mtime_ns, "parquet", layout, Clock("text"), meta.num_rows
+    )
+    first = next(file.iter_batches(_HEAD, columns=[layout.time]), None)
+    clock = _clock_of(None if first is None else first.column(0), unit, comma=False)
+    return _with(source, clock=clock)
+
+
+def _bound(meta: Any, layout: Layout, size: int) -> None:
+    """Refuse before anything is decoded what would decode to too much.
+
+    Raises
+    ------
+    ValueError
+        The rows times their width, or a column of a row group, exceed the bounds.
+    """
+    wanted = _headings(layout, None)
+    decoded = meta.num_rows * 8 * len(wanted)
+    if decoded > max(FREE_BYTES, MOST_RATIO * size):
+        raise ValueError(
+            f"{meta.num_rows} rows decode to {decoded / 1e6:.0f} MB, {decoded / size:.0f} times the file; "
+            f"expected at most {MOST_RATIO} times"
+        )
+    for g in range(meta.num_row_groups):
+        group = meta.row_group(g)
+        for c in range(group.num_columns):
+            column = group.column(c)
+            if column.path_in_schema in wanted and column.total_uncompressed_size > MOST_CHUNK_BYTES:
+                raise ValueError(f"column {column.path_in_schema!r} decodes to more than 2 GB a row group")
+
+
+def _parquet_batches(
+    source: Source, headings: list[str], groups: Collection[int] | None
+) -> Iterator[tuple[int, Any]]:
+    file = _open_parquet(source.path, source.layout.loop if source.layout.kind == LONG else "")
+    starts = np.cumsum([0, *(file.metadata.row_group(g).num_rows for g in range(file.num_row_groups))])
+    chosen = list(range(file.num_row_groups)) if groups is None else sorted(groups)
+    size = max(64, min(CELLS // len(headings), 1 << 18))
+    # runs of neighbouring row groups: rows are numbered as in the file
+    cuts = [0, *(k + 1 for k, (a, b) in enumerate(pairwise(chosen)) if b != a + 1), len(chosen)]
+    for a, b in pairwise(cuts):
+        if a == b:
+            continue
+        row = int(starts[chosen[a]])
+        for batch in file.iter_batches(size, row_groups=chosen[a:b], columns=headings):
+            yield row, batch
+            row += len(batch)
+
+
+# ---------------------------------------------------------------------------------------------------
+# CSV
+
+
+def _inspect_csv(path: Path, name: str, names: Collection[str], unit: str | None, stat: Any) -> Source:
+    with path.open("rb") as file:
+        head = file.read(MOST_LINE_BYTES)
+    encoding = _encoding(head)
+    text = head.decode(encoding, errors="replace").removeprefix("\ufeff")
+    line, newline, _ = text.partition("\n")
+    if not newline and len(head) == MOST_LINE_BYTES:
+        raise ValueError(f"a line of more than {MOST_LINE_BYTES >> 20} MB")
+    line = line.rstrip("\r")
+    delimiter = max(",;\t", key=line.count)
+    if line.count(delimiter) >= MOST_COLUMNS:
+        raise ValueError(f"{line.count(delimiter) + 1} columns, expected at most {MOST_COLUMNS}")
+    headings = tuple(h.strip() for h in next(csv.reader([line], delimiter=delimiter), []))
+    if "name" in headings and not set(TIME) & {h.lower() for h in headings}:
+        raise ValueError("a loop table, not data")
+    layout = layout_of(headings, path, names)
+    source = Source(
+        path, name, stat.st_size, stat.st_mtime_ns, "csv", layout, Clock("text"),
+        headings=headings, delimiter=delimiter, encoding=encoding,
+    )  # fmt: skip
+    first = next(_csv_batches(source, [layout.time], lambda _: "skip"), None)
+    clock = _clock_of(None if first is None else first[1].column(0)[:_HEAD], unit, comma=delimiter != ",")
+    return _with(source, clock=clock)
+
+
+def _encoding(head: bytes) -> str:
+    """UTF-16 by its mark; UTF-8; else one byte a character, as older historians write."""
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    try:
+        codecs.getincrementaldecoder("utf8")().decode(head)
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf8"
+
+
+def _csv_batches(
+    source: Source,
+    headings: list[str],
+    on_bad_line: Callable[[Any], str],
+    *,
+    threads: bool = True,
+) -> Iterator[tuple[int, Any]]:
+    """Read columns as text; ``on_bad_line`` sees each line with another number of cells."""
+    ids = [f"c{k}" for k in range(len(source.headings))]  # headings may repeat
+    place = {h: k for k, h in reversed(list(enumerate(source.headings)))}
+    wanted = [ids[place[h]] for h in headings]
+    block = BLOCK_BYTES
+    while block < min(MOST_LINE_BYTES, 64 * len(source.headings)):
+        block *= 2
+    reader = pa_csv.open_csv(
+        source.path,
+        read_options=pa_csv.ReadOptions(
+            column_names=ids, skip_rows=1, use_threads=threads, block_size=block, encoding=source.encoding
+        ),
+        parse_options=pa_csv.ParseOptions(delimiter=source.delimiter, invalid_row_handler=on_bad_line),
+        convert_options=pa_csv.ConvertOptions(
+            column_types=dict.fromkeys(wanted, pa.string()), include_columns=wanted, strings_can_be_null=False
+        ),
+    )
+    row = 0
+    for batch in reader:
+        yield row, batch.rename_columns(headings)
+        row += len(batch)
+
+
+def _bad_lines(source: Source, tally: Tally) -> None:
+    """Find the numbers of the lines with too few or too many cells (a second pass, only where there are any)."""
+    lines: dict[int, str] = {}
+
+    def note(row: Any) -> str:
+        if len(lines) < MOST_LINES:
+            lines[row.number] = f"{row.actual_columns} cells, expected {row.expected_columns}"
+        return "skip"
+
+    for _ in _csv_batches(source, [source.layout.time], note, threads=False):
+        if len(lines) >= MOST_LINES:
+            break
+    tally.lines[source.name] = lines
+
+
+FORMATS: dict[str, Callable[..., Source]] = {".parquet": _inspect_parquet, ".csv": _inspect_csv}
+
+
+# ---------------------------------------------------------------------------------------------------
+# any format
+
+
+def _with(source: Source, clock: Clock) -> Source:
+    import dataclasses  # noqa: PLC0415
+
+    return dataclasses.replace(source, clock=clock)
+
+
+def _clock_of(first: Any, unit: str | None, *, comma: bool) -> Clock:
+    """Tell the clock by the file's first times.
+
+    Raises
+    ------
+    ValueError
+        They are no times, or their unit is ambiguous.
+    """
+    if first is None or not len(first):
+        raise ValueError("no rows")
+    first = plain(first)
+    kind = str(first.type)
+    if kind.startswith("timestamp"):
+        ns = first.drop_null().cast("timestamp[ns]", safe=False).cast("int64").to_numpy(zero_copy_only=False)
+        return Clock("timestamp", naive="tz=" not in kind, epoch=bool(len(ns) and np.median(ns) > 3e17))
+    if not is_text(first):
+        return clock_of_numbers(numbers(first, Tally()), unit)
+    values = numbers(first, Tally(), comma=comma)
+    if np.isfinite(values).sum() * 2 >= len(values):
+        return clock_of_numbers(values, unit)
+    ns, good, aware = text_times(first)
+    if not good.any():
+        shown = next((t for t in first.to_pylist() if t), "")
+        raise ValueError(f"time: {shown[:40]!r}, expected ISO text, e.g. 2026-11-22T10:00:00, or seconds")
+    return Clock("text", naive=not aware[good][0], epoch=bool(np.median(ns[good]) > 3e17))
+
+
+def _headings(layout: Layout, wanted: Collection[str] | None) -> list[str]:
+    """Headings to read for these loops (None: all)."""
+    out = [layout.time, *([layout.loop] if layout.kind == LONG else [])]
+    for name, roles in layout.columns.items():
+        if layout.kind == LONG or wanted is None or name in wanted:
+            out += roles.values()
+    return out
+
+
+def read(
+    source: Source, wanted: Mapping[str, int], tally: Tally, groups: Collection[int] | None = None
+) -> Iterator[Rows]:
+    """Read a file's rows of the loops asked for, in the file's order.
+
+    Parameters
+    ----------
+    wanted
+        Loop name to its code in `Rows.loop`.
+    tally
+        Counts rows, bad times, texts, lines that could not be read, and loops not asked for.
+    groups
+        Row groups of a Parquet file to read; default: all.
+
+    Raises
+    ------
+    UnusableError
+        The file turned out to be damaged, or its times contradict its beginning.
+    """
+    layout = source.layout
+    if layout.kind != LONG and not any(name in wanted for name in layout.columns):
+        for name in layout.columns:
+            tally.name(name)
+        return
+    headings = _headings(layout, wanted)
+    lost = 0
+
+    def lose(_: Any) -> str:
+        nonlocal lost
+        lost += 1
+        return "skip"
+
+    try:
+        batches = (
+            _parquet_batches(source, headings, groups)
+            if source.format == "parquet"
+            else _csv_batches(source, headings, lose)
+        )
+        take = _Taker(source, wanted, tally)
+        for row, batch in batches:
+            tally.file_rows[source.name] = row + len(batch)
+            yield from take(row, batch)
+        if lost:
+            tally.lost_lines[source.name] = lost
+            _bad_lines(source, tally)
+    except (ValueError, OSError, NotImplementedError, pa.ArrowException) as error:
+        raise _unusable(source.name, error) from None
+
+
+class _Taker:
+    """Takes a file's batches apart into rows of loops."""
+
+    def __init__(self, source: Source, wanted: Mapping[str, int], tally: Tally) -> None:
+        self.source, self.wanted, self.tally = source, wanted, tally
+        self.comma = source.format == "csv" and source.delimiter != ","
+        self.codes: dict[str | None, int] = {}
+        if source.layout.kind != LONG:
+            for name in source.layout.columns:
+                if name not in wanted:
+                    tally.name(name)
+
+    def __call__(self, row: int, batch: Any) -> Iterator[Rows]:
+        """Yield the batch's rows."""
+        layout = self.source.layout
+        column = dict(zip(batch.schema.names, batch.columns, strict=True))
+        if layout.kind == LONG:
+            code = codes_of(column[layout.loop], self._code)
+            if len(code) and code.min() < 0:
+                keep = code >= 0
+                code, mask = code[keep], pa.array(keep)
+                column = {h: c.filter(mask) for h, c in column.items()}
+            parts = [self._rows(row, code, column, layout.columns[""])]
+        else:
+            parts = [
+                self._rows(row, np.full(len(batch), self.wanted[name], np.int32), column, roles)
+                for name, roles in layout.columns.items()
+                if name in self.wanted
+            ]
+        yield from (p for p in parts if len(p))
+
+    def _code(self, name: str | None) -> int:
+        if name not in self.codes:
+            normal = normal_name(name or "")
+            code = self.wanted.get(normal, -1)
+            if code < 0:
+                self.tally.name(normal)
+            if len(self.codes) > 1_000_000:
+                self.codes.clear()
+            self.codes[name] = code
+        return self.codes[name]
+
+    def _rows(self, row: int, code: NDArray[np.int32], column: dict[str, Any], roles: dict[str, str]) -> Rows:
+        if self.source.layout.kind == WIDE:
+            absent = np.ones(len(code), np.bool_)
+            for role in NEEDED:
+                absent &= _empty(column[roles[role]])
+            if absent.any():  # another loop's row: this one has no sample there
+                mask = pa.array(~absent)
+                code, column = (
+                    code[~absent],
+                    {h: column[h].filter(mask) for h in (*roles.values(), self.source.layout.time)},
+                )
+        tally, n = self.tally, len(code)
+        time, good = self._time(column[self.source.layout.time])
+        values = [numbers(column[roles[r]], tally, comma=self.comma) for r in NEEDED]
+        auto = modes(column[roles["auto"]], tally) if "auto" in roles else _constant(1, np.int8, n)
+        quality = qualities(column[roles["quality"]]) if "quality" in roles else _constant(GOOD, np.uint8, n)
+        tally.rows += n
+        out = Rows(code, time, *values, auto, quality, row=row)
+        if good is not None and not good.all():
+            tally.bad_time += n - int(good.sum())
+            out = out.take(good)
+        return out
+
+    def _time(self, array: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_] | None]:
+        clock = self.source.clock
+        array = plain(array)
+        if clock.kind == "number":
+            return numbers_to_ns(_time_numbers(array, comma=self.comma), clock)
+        if clock.kind == "text":
+            ns, good, aware = text_times(array)
+            if (aware[good] == clock.naive).any():
+                raise ValueError("time: with and without zone mixed, expected one kind")
+        else:
+            good = ~_empty(array) if array.null_count else None
+            ns = array.cast("timestamp[ns]").cast("int64").fill_null(0).to_numpy(zero_copy_only=False)
+        if clock.epoch:
+            real = plausible(ns, clock)
+            good = real if good is None else good & real
+        return ns, good
+
+
+def _time_numbers(array: Any, *, comma: bool) -> NDArray[Any]:
+    """Numeric times without loss: whole numbers stay whole, for a double cannot hold today's nanoseconds."""
+    if not array.null_count and (is_text(array) or "int" in str(array.type)):
+        try:
+            return np.asarray(array.cast("int64").to_numpy(zero_copy_only=False))
+        except ValueError:
+            pass
+    return numbers(array, Tally(), comma=comma)
+
+
+def _empty(array: Any) -> NDArray[np.bool_]:
+    """Mark cells with nothing in them."""
+    array = plain(array)
+    if is_text(array):
+        array = array.fill_null("")
+        return np.asarray(array.cast("binary").to_pandas() == b"", dtype=np.bool_)
+    return np.asarray(array.is_null(nan_is_null=True).to_numpy(zero_copy_only=False), dtype=np.bool_)
+
+
+_CONSTANTS: dict[Any, NDArray[Any]] = {}
+
+
+def _constant(value: int, dtype: Any, n: int) -> NDArray[Any]:
+    """Return n equal values without filling them each time; not to be written to."""
+    kept = _CONSTANTS.get((value, dtype))
+    if kept is None or len(kept) < n:
+        kept = _CONSTANTS[value, dtype] = np.full(max(n, 1 << 18), value, dtype)
+    return kept[:n]
+
+
+def scan(source: Source) -> list[dict[str, int]]:
+    """Return the names in a long file, and their rows, for each of its row groups (a CSV file is one).
+
+    Raises
+    ------
+    UnusableError
+        The file turned out to be damaged.
+    """
+    loop = source.layout.loop
+    out: list[dict[str, int]] = []
+    try:
+        if source.format == "csv":
+            out.append(_count(batch.column(0) for _, batch in _csv_batches(source, [loop], lambda _: "skip")))
+        else:
+            file = _open_parquet(source.path, loop)
+            out += (
+                _count(file.read_row_group(g, columns=[loop]).column(0).chunks)
+                for g in range(file.num_row_groups)
+            )
+    except (ValueError, OSError, NotImplementedError, pa.ArrowException) as error:
+        raise _unusable(source.name, error) from None
+    return out
+
+
+def _count(arrays: Any) -> dict[str, int]:
+    names: dict[str, int] = {}
+
+    def code(name: str | None) -> int:
+        return names.setdefault(normal_name(name or ""), len(names))
+
+    total = np.zeros(0, np.int64)
+    for array in arrays:
+        found = np.bincount(codes_of(array, code), minlength=len(names))
+        found[: len(total)] += total
+        total = found
+    return {name: int(n) for name, n in zip(names, total, strict=True) if n}
+
+
+# ---------------------------------------------------------------------------------------------------
+# out
+
+_TYPES = {
+    "float": pa.float64(),
+    "int": pa.int64(),
+    "str": pa.string(),
+    "list": pa.list_(pa.string()),
+    "time": pa.timestamp("ns", tz="UTC"),
+}
+
+
+def write_parquet(path: Path, columns: Mapping[str, tuple[str, Sequence[Any]]]) -> None:
+    """Write a table; the same columns give the same bytes.
+
+    Parameters
+    ----------
+    columns
+        Heading to (``float``, ``int``, ``str``, ``list`` of texts or ``time`` [ns since 1970], values); None = empty.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    schema = pa.schema([(name, _TYPES[kind]) for name, (kind, _) in columns.items()])
+    arrays = [pa.array(list(values), type=_TYPES[kind]) for kind, values in columns.values()]
+    part = path.with_name(path.name + ".part")
+    pq.write_table(pa.table(arrays, schema=schema), part, compression="zstd")
+    part.replace(path)

@@ -10,14 +10,14 @@ import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from numpy.typing import NDArray
 
 from monitor import view_text
+from monitor.view_data import Floats, Nanos, Pane, Trend, Window
 
 TIMELINE = "time"
 SP_COLOUR, PV_COLOUR, OP_COLOUR = (165, 165, 165), (70, 140, 240), (240, 150, 40)
@@ -26,52 +26,6 @@ LIVE_SPAN = 600.0
 """Least span of the live strip [s]: a control engineer's ten minutes."""
 MARGIN = 0.04
 """Air at both ends of an event's chart, as a share of its window."""
-
-Floats = NDArray[np.float64]
-Nanos = NDArray[np.int64]
-
-
-class Window(NamedTuple):
-    """Evidence of one event: columns of equal length ``(N,)``, NaN where nothing is known."""
-
-    id: str
-    loop: str
-    onset: int
-    """When the step happened [ns]."""
-    time: Nanos
-    """[ns since 1970, UTC]."""
-    sp: Floats
-    """[PV]."""
-    pv: Floats
-    """[PV]."""
-    op: Floats
-    """[OP]."""
-    model: Floats
-    """PV as the fitted model gives it [PV]."""
-
-
-class Trend(NamedTuple):
-    """New samples of one loop: columns of equal length ``(N,)``."""
-
-    loop: str
-    time: Nanos
-    """[ns since 1970, UTC]."""
-    sp: Floats
-    """[PV]."""
-    pv: Floats
-    """[PV]."""
-    op: Floats
-    """[OP]."""
-
-
-class Pane(NamedTuple):
-    """One flagged loop of the layout and the event that its charts are fitted to."""
-
-    loop: str
-    start: int
-    """First time of the event's window [ns]; equal to ``end`` where there is no window."""
-    end: int
-    """Last time of the event's window [ns]."""
 
 
 class Picture:
@@ -124,6 +78,9 @@ class Picture:
 
     def page(self, text: str, loop: str | None = None) -> None:
         """Show markdown ``text`` as the overview, or as the page of ``loop``."""
+        if not self.now and loop is None:  # no time is known that the page could be shown at
+            self._recording.log("start", _page(text), static=True)
+            return
         self._at(self.now)
         self._recording.log("overview" if loop is None else f"{entity(loop)}/page", _page(text))
 
@@ -187,6 +144,15 @@ def open_recording(proxy: str | None, save: Path | None) -> rr.RecordingStream:
     return recording
 
 
+def close_recording(recording: rr.RecordingStream, patience: float = 2.0) -> None:
+    """Hand over what is left and close; what a viewer does not take within ``patience`` [s] is lost to it."""
+    try:
+        recording.flush(timeout_sec=patience)
+    except (RuntimeError, ValueError):  # the viewer is gone
+        pass
+    recording.disconnect()
+
+
 def entity(loop: str) -> str:
     """Path of a loop's entities: readable where the name is plain, always unique, never a path of its own."""
     plain = re.sub(r"[^A-Za-z0-9_-]", "_", loop)[:40]
@@ -240,7 +206,9 @@ def _tab(pane: Pane) -> rrb.Horizontal:
 def _small_multiples(panes: Sequence[Pane]) -> rrb.Grid:
     """All flagged loops' events side by side."""
     charts = [
-        _chart(p, "event", ("mark", "sp", "pv", "model"), view_text.plain(p.loop, 60), _event(p), legend=False)
+        _chart(
+            p, "event", ("mark", "sp", "pv", "model"), view_text.plain(p.loop, 60), _event(p), legend=False
+        )
         for p in panes
     ]
     return rrb.Grid(*charts, name="All flagged")

@@ -1,4 +1,4 @@
-"""Columns as a historian writes them to columns of numbers: text among values, modes, qualities, names, ISO times.
+"""Columns as a historian writes them to columns of numbers: values, modes, qualities, names, ISO times.
 
 Works on Arrow arrays through their own methods; the library itself is imported in `historian` alone. What is
 well formed takes one compiled cast; pandas reads what is not.
@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..samples import GOOD, UNCERTAIN
+from monitor.samples import GOOD, UNCERTAIN
+
 from .rows import UNKNOWN, Tally
 
 _AUTOMATIC = "auto aut a cas cascade c rcas true t 1 1.0 yes on wahr"
 _MANUAL = "man manual m hand h rout trk iman lo oos false f 0 0.0 no off falsch"
 MODES = {**dict.fromkeys(_AUTOMATIC.split(), 1), **dict.fromkeys(_MANUAL.split(), 0)}
-"""Text of a mode, lower case: only AUTO, CAS and RCAS count as automatic; what stands in neither list is unknown."""
+"""Text of a mode, lower case: only AUTO, CAS, RCAS are automatic; what is in neither list is unknown."""
 
 QUALITIES = (
     ("good", GOOD),
@@ -109,11 +110,11 @@ def modes(array: Any, tally: Tally) -> NDArray[np.int8]:
 
 
 def qualities(array: Any) -> NDArray[np.uint8]:
-    """Read the quality as an OPC code, from a code (OPC or OPC UA), a text or a bool; an empty cell is good."""
+    """Read the quality as an OPC code, from a code (OPC, OPC UA), a text or a bool; an empty cell is good."""
     array = plain(array)
     if str(array.type) == "bool":
-        good = array.fill_null(True).cast("uint8").to_numpy(zero_copy_only=False)  # noqa: FBT003
-        return (good * np.uint8(GOOD)).astype(np.uint8)
+        good = array.fill_null(True).cast("uint8").to_numpy(zero_copy_only=False)
+        return np.asarray(good * np.uint8(GOOD), dtype=np.uint8)
     if not is_text(array):
         return _opc(numbers(array, Tally()))
 
@@ -151,8 +152,8 @@ def codes_of(array: Any, code: Callable[[str | None], int]) -> NDArray[np.int32]
     if not str(array.type).startswith("dictionary"):
         array = (array if is_text(array) else array.cast("string")).dictionary_encode()
     names = plain(array.dictionary) if is_text(array.dictionary) else array.dictionary.cast("string")
-    table = np.array([*map(code, names.to_pylist()), code(None)], np.int32)
     index = array.indices
+    table = np.array([*map(code, names.to_pylist()), code(None) if index.null_count else -1], np.int32)
     if index.null_count:
         index = index.cast("int64").fill_null(len(table) - 1)
     return np.asarray(table[index.to_numpy(zero_copy_only=False)])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import codecs
 import csv
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,13 +18,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
-from ..samples import GOOD
-from .cells import codes_of, is_text, modes, numbers, plain, qualities, text_times
-from .layouts import LONG, NEEDED, TIME, WIDE, Layout, layout_of, normal_name
+from .batches import Taker, clock_of
+from .cells import codes_of
+from .layouts import LONG, TIME, Layout, layout_of, normal_name
 from .rows import MOST_LINES, Rows, Tally, UnusableError
-from .times import Clock, clock_of_numbers, numbers_to_ns, plausible
+from .times import Clock
 
 CELLS = 1 << 20
 """Values decoded at a time: 8 MB, so that a batch stays in the cache between reading and detection."""
@@ -66,9 +65,9 @@ class Source:
         """Names of the loops that the headings tell; none for a long file (see `scan`)."""
         return [] if self.layout.kind == LONG else list(self.layout.columns)
 
-    def place(self, row: int) -> str:
-        """Where a user finds row ``row`` (from 0)."""
-        return f"{self.name}:{row + 2}" if self.format == "csv" else f"{self.name}: row {row + 1}"
+    def line(self, row: int) -> int:
+        """Where a user finds row ``row`` (from 0): the line of a CSV file, the running number otherwise."""
+        return row + 2 if self.format == "csv" else row + 1
 
 
 def inspect(path: Path, name: str = "", names: Collection[str] = (), unit: str | None = None) -> Source:
@@ -133,8 +132,8 @@ def _inspect_parquet(path: Path, name: str, names: Collection[str], unit: str | 
         path, name, stat.st_size, stat.st_mtime_ns, "parquet", layout, Clock("text"), meta.num_rows
     )
     first = next(file.iter_batches(_HEAD, columns=[layout.time]), None)
-    clock = _clock_of(None if first is None else first.column(0), unit, comma=False)
-    return _with(source, clock=clock)
+    clock = clock_of(None if first is None else first.column(0), unit, comma=False)
+    return replace(source, clock=clock)
 
 
 def _bound(meta: Any, layout: Layout, size: int) -> None:
@@ -203,8 +202,8 @@ def _inspect_csv(path: Path, name: str, names: Collection[str], unit: str | None
         headings=headings, delimiter=delimiter, encoding=encoding,
     )  # fmt: skip
     first = next(_csv_batches(source, [layout.time], lambda _: "skip"), None)
-    clock = _clock_of(None if first is None else first[1].column(0)[:_HEAD], unit, comma=delimiter != ",")
-    return _with(source, clock=clock)
+    clock = clock_of(None if first is None else first[1].column(0)[:_HEAD], unit, comma=delimiter != ",")
+    return replace(source, clock=clock)
 
 
 def _encoding(head: bytes) -> str:
@@ -249,7 +248,7 @@ def _csv_batches(
 
 
 def _bad_lines(source: Source, tally: Tally) -> None:
-    """Find the numbers of the lines with too few or too many cells (a second pass, only where there are any)."""
+    """Find the numbers of lines with too few or too many cells (a second pass, only where there are any)."""
     lines: dict[int, str] = {}
 
     def note(row: Any) -> str:
@@ -268,39 +267,6 @@ FORMATS: dict[str, Callable[..., Source]] = {".parquet": _inspect_parquet, ".csv
 
 # ---------------------------------------------------------------------------------------------------
 # any format
-
-
-def _with(source: Source, clock: Clock) -> Source:
-    import dataclasses  # noqa: PLC0415
-
-    return dataclasses.replace(source, clock=clock)
-
-
-def _clock_of(first: Any, unit: str | None, *, comma: bool) -> Clock:
-    """Tell the clock by the file's first times.
-
-    Raises
-    ------
-    ValueError
-        They are no times, or their unit is ambiguous.
-    """
-    if first is None or not len(first):
-        raise ValueError("no rows")
-    first = plain(first)
-    kind = str(first.type)
-    if kind.startswith("timestamp"):
-        ns = first.drop_null().cast("timestamp[ns]", safe=False).cast("int64").to_numpy(zero_copy_only=False)
-        return Clock("timestamp", naive="tz=" not in kind, epoch=bool(len(ns) and np.median(ns) > 3e17))
-    if not is_text(first):
-        return clock_of_numbers(numbers(first, Tally()), unit)
-    values = numbers(first, Tally(), comma=comma)
-    if np.isfinite(values).sum() * 2 >= len(values):
-        return clock_of_numbers(values, unit)
-    ns, good, aware = text_times(first)
-    if not good.any():
-        shown = next((t for t in first.to_pylist() if t), "")
-        raise ValueError(f"time: {shown[:40]!r}, expected ISO text, e.g. 2026-11-22T10:00:00, or seconds")
-    return Clock("text", naive=not aware[good][0], epoch=bool(np.median(ns[good]) > 3e17))
 
 
 def _headings(layout: Layout, wanted: Collection[str] | None) -> list[str]:
@@ -350,7 +316,13 @@ def read(
             if source.format == "parquet"
             else _csv_batches(source, headings, lose)
         )
-        take = _Taker(source, wanted, tally)
+        take = Taker(
+            source.layout,
+            source.clock,
+            wanted,
+            tally,
+            comma=source.format == "csv" and source.delimiter != ",",
+        )
         for row, batch in batches:
             tally.file_rows[source.name] = row + len(batch)
             yield from take(row, batch)
@@ -359,119 +331,6 @@ def read(
             _bad_lines(source, tally)
     except (ValueError, OSError, NotImplementedError, pa.ArrowException) as error:
         raise _unusable(source.name, error) from None
-
-
-class _Taker:
-    """Takes a file's batches apart into rows of loops."""
-
-    def __init__(self, source: Source, wanted: Mapping[str, int], tally: Tally) -> None:
-        self.source, self.wanted, self.tally = source, wanted, tally
-        self.comma = source.format == "csv" and source.delimiter != ","
-        self.codes: dict[str | None, int] = {}
-        if source.layout.kind != LONG:
-            for name in source.layout.columns:
-                if name not in wanted:
-                    tally.name(name)
-
-    def __call__(self, row: int, batch: Any) -> Iterator[Rows]:
-        """Yield the batch's rows."""
-        layout = self.source.layout
-        column = dict(zip(batch.schema.names, batch.columns, strict=True))
-        if layout.kind == LONG:
-            code = codes_of(column[layout.loop], self._code)
-            if len(code) and code.min() < 0:
-                keep = code >= 0
-                code, mask = code[keep], pa.array(keep)
-                column = {h: c.filter(mask) for h, c in column.items()}
-            parts = [self._rows(row, code, column, layout.columns[""])]
-        else:
-            parts = [
-                self._rows(row, np.full(len(batch), self.wanted[name], np.int32), column, roles)
-                for name, roles in layout.columns.items()
-                if name in self.wanted
-            ]
-        yield from (p for p in parts if len(p))
-
-    def _code(self, name: str | None) -> int:
-        if name not in self.codes:
-            normal = normal_name(name or "")
-            code = self.wanted.get(normal, -1)
-            if code < 0:
-                self.tally.name(normal)
-            if len(self.codes) > 1_000_000:
-                self.codes.clear()
-            self.codes[name] = code
-        return self.codes[name]
-
-    def _rows(self, row: int, code: NDArray[np.int32], column: dict[str, Any], roles: dict[str, str]) -> Rows:
-        if self.source.layout.kind == WIDE:
-            absent = np.ones(len(code), np.bool_)
-            for role in NEEDED:
-                absent &= _empty(column[roles[role]])
-            if absent.any():  # another loop's row: this one has no sample there
-                mask = pa.array(~absent)
-                code, column = (
-                    code[~absent],
-                    {h: column[h].filter(mask) for h in (*roles.values(), self.source.layout.time)},
-                )
-        tally, n = self.tally, len(code)
-        time, good = self._time(column[self.source.layout.time])
-        values = [numbers(column[roles[r]], tally, comma=self.comma) for r in NEEDED]
-        auto = modes(column[roles["auto"]], tally) if "auto" in roles else _constant(1, np.int8, n)
-        quality = qualities(column[roles["quality"]]) if "quality" in roles else _constant(GOOD, np.uint8, n)
-        tally.rows += n
-        out = Rows(code, time, *values, auto, quality, row=row)
-        if good is not None and not good.all():
-            tally.bad_time += n - int(good.sum())
-            out = out.take(good)
-        return out
-
-    def _time(self, array: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_] | None]:
-        clock = self.source.clock
-        array = plain(array)
-        if clock.kind == "number":
-            return numbers_to_ns(_time_numbers(array, comma=self.comma), clock)
-        if clock.kind == "text":
-            ns, good, aware = text_times(array)
-            if (aware[good] == clock.naive).any():
-                raise ValueError("time: with and without zone mixed, expected one kind")
-        else:
-            good = ~_empty(array) if array.null_count else None
-            ns = array.cast("timestamp[ns]").cast("int64").fill_null(0).to_numpy(zero_copy_only=False)
-        if clock.epoch:
-            real = plausible(ns, clock)
-            good = real if good is None else good & real
-        return ns, good
-
-
-def _time_numbers(array: Any, *, comma: bool) -> NDArray[Any]:
-    """Numeric times without loss: whole numbers stay whole, for a double cannot hold today's nanoseconds."""
-    if not array.null_count and (is_text(array) or "int" in str(array.type)):
-        try:
-            return np.asarray(array.cast("int64").to_numpy(zero_copy_only=False))
-        except ValueError:
-            pass
-    return numbers(array, Tally(), comma=comma)
-
-
-def _empty(array: Any) -> NDArray[np.bool_]:
-    """Mark cells with nothing in them."""
-    array = plain(array)
-    if is_text(array):
-        array = array.fill_null("")
-        return np.asarray(array.cast("binary").to_pandas() == b"", dtype=np.bool_)
-    return np.asarray(array.is_null(nan_is_null=True).to_numpy(zero_copy_only=False), dtype=np.bool_)
-
-
-_CONSTANTS: dict[Any, NDArray[Any]] = {}
-
-
-def _constant(value: int, dtype: Any, n: int) -> NDArray[Any]:
-    """Return n equal values without filling them each time; not to be written to."""
-    kept = _CONSTANTS.get((value, dtype))
-    if kept is None or len(kept) < n:
-        kept = _CONSTANTS[value, dtype] = np.full(max(n, 1 << 18), value, dtype)
-    return kept[:n]
 
 
 def scan(source: Source) -> list[dict[str, int]]:
@@ -530,7 +389,8 @@ def write_parquet(path: Path, columns: Mapping[str, tuple[str, Sequence[Any]]]) 
     Parameters
     ----------
     columns
-        Heading to (``float``, ``int``, ``str``, ``list`` of texts or ``time`` [ns since 1970], values); None = empty.
+        Heading to (kind, values); kinds: ``float``, ``int``, ``str``, ``list`` (of texts), ``time``
+        [ns since 1970]; None = empty.
 
     Raises
     ------

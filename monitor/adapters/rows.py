@@ -54,7 +54,7 @@ class Rows:
 
     def take(self, rows: Any) -> Rows:
         """Return these rows (index array, mask or slice)."""
-        return Rows(*(getattr(self, name)[rows] for name in COLUMNS), row=self.row)
+        return Rows(**{name: getattr(self, name)[rows] for name in COLUMNS}, row=self.row)
 
 
 COLUMNS = tuple(f.name for f in fields(Rows) if f.name != "row")
@@ -62,7 +62,8 @@ COLUMNS = tuple(f.name for f in fields(Rows) if f.name != "row")
 
 def join_rows(parts: list[Rows]) -> Rows:
     """Put batches one behind the other."""
-    return Rows(*(np.concatenate([getattr(p, name) for p in parts]) for name in COLUMNS))
+    columns: dict[str, Any] = {name: np.concatenate([getattr(p, name) for p in parts]) for name in COLUMNS}
+    return Rows(**columns, row=parts[0].row)
 
 
 @dataclass(slots=True)

@@ -127,7 +127,7 @@ def numbers_to_ns(values: NDArray[Any], clock: Clock) -> tuple[Ns, NDArray[np.bo
     else:
         t = np.asarray(values, dtype=np.float64)
         if clock.unit == EXCEL:
-            # a spreadsheet's double holds today to a microsecond, and shows milliseconds: to the next of those
+            # a spreadsheet's double holds today to a microsecond, and shows milliseconds: round to those
             t, scale = np.rint((t - EXCEL_EPOCH) * 86_400e3), UNITS["ms"]
         else:
             scale = UNITS[clock.unit]

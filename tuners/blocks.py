@@ -10,8 +10,8 @@ import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from importlib.resources import files
+from typing import Protocol
 
 from tuners.settings import FILTER_RATIO, NotRepresentableError, Settings
 
@@ -19,6 +19,18 @@ TIME_UNITS = {"s": 1.0, "min": 60.0}  # seconds for one repeat or of derivative 
 RATE_UNITS = {"1/s": 1.0, "1/min": 60.0, "1/h": 3600.0}  # seconds in the unit that a rate refers to
 
 Value = float | str
+
+
+class Ranges(Protocol):
+    """What knows the spans of PV [PV] and OP [OP]; None where not known."""
+
+    @property
+    def pv_span(self) -> float | None:
+        """Range of PV [PV]."""
+
+    @property
+    def op_span(self) -> float | None:
+        """Range of OP [OP]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +70,24 @@ class Block:
     times: bool = False
     note: str = ""
 
+    @property
+    def form(self) -> str:
+        """The form that the block computes unless it is set to another."""
+        return self.forms[0]
+
+    def fields(self, settings: Settings, ranges: Ranges) -> dict[str, Value]:
+        """Return the fields for the settings of a loop with these ranges, for a report.
+
+        A remark on what the user must check stands under 'note'. Where the fields cannot be given, a span
+        missing for instance, the reason stands under 'unavailable', alone: a gain in the wrong unit would
+        be worse than none.
+        """
+        try:
+            plate = to_block(settings, self, pv_span=ranges.pv_span, op_span=ranges.op_span)
+        except ValueError as reason:
+            return {"unavailable": str(reason)}
+        return plate.fields | ({"note": "; ".join(plate.notes)} if plate.notes else {})
+
     def __post_init__(self) -> None:
         if self.integral_unit not in TIME_UNITS | RATE_UNITS or self.derivative_unit not in TIME_UNITS:
             raise ValueError(f"{self.id}: unknown unit {self.integral_unit} or {self.derivative_unit}")
@@ -88,11 +118,12 @@ class Faceplate:
     notes: tuple[str, ...]
 
 
-@cache
-def blocks() -> dict[str, Block]:
-    """Every block by its id."""
+def _read() -> dict[str, Block]:
     text = files("tuners").joinpath("blocks.toml").read_text(encoding="utf-8")
     return {name: Block(id=name, **table) for name, table in tomllib.loads(text).items()}
+
+
+BLOCKS = _read()  # every block by its id
 
 
 def find_block(name: str) -> Block:
@@ -103,10 +134,9 @@ def find_block(name: str) -> Block:
     ValueError
         For an unknown id, naming those that exist.
     """
-    known = blocks()
-    if name not in known:
-        raise ValueError(f"block = {name!r}: must be one of {', '.join(known)}")
-    return known[name]
+    if name not in BLOCKS:
+        raise ValueError(f"block = {name!r}: must be one of {', '.join(BLOCKS)}")
+    return BLOCKS[name]
 
 
 def to_block(

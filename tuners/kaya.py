@@ -9,7 +9,6 @@ import math
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
-from scipy.optimize import minimize
 
 from tuners.imc import ipdt
 from tuners.models import Array, FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
@@ -178,21 +177,41 @@ def _minimise(x: float, start: Array, power: int) -> Array:
         kp, ti, td = np.exp(logs)
         return float(np.log(weight @ np.abs(_error(omega, x, kp, ti, td, power)) ** 2))
 
-    simplex = np.vstack([start, start + 0.05 * np.eye(3)])
-    found = minimize(
-        cost,
-        start,
-        method="Nelder-Mead",
-        options={"xatol": 1e-7, "fatol": 1e-12, "maxiter": 600, "initial_simplex": simplex},
-    )
-    return np.asarray(found.x)
+    # Newton's method; the start is within a few per cent. (scipy.optimize takes 0.6 s to import alone.)
+    logs, h = start, 1e-4
+    steps = h * np.eye(3)
+    for _ in range(30):
+        here = cost(logs)
+        ahead = np.array([cost(logs + step) for step in steps])
+        behind = np.array([cost(logs - step) for step in steps])
+        both = np.array([[cost(logs + one + other) for one in steps] for other in steps])
+        slope = (ahead - behind) / (2 * h)
+        bend = (both - ahead[:, np.newaxis] - ahead + here) / h**2
+        move = -_positive_definite_solve(bend, slope)
+        move *= min(1.0, 0.1 / np.abs(move).max())
+        while cost(logs + move) > here and np.abs(move).max() > 1e-9:
+            move /= 2
+        logs = logs + move
+        if np.abs(move).max() < 1e-7:
+            break
+    return logs
+
+
+def _positive_definite_solve(matrix: Array, vector: Array) -> Array:
+    """Solve with the eigenvalues made positive, so that the step always leads downhill."""
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
+    return np.asarray(vectors @ ((vectors.T @ vector) / np.maximum(np.abs(values), 1e-6)))
 
 
 def _quadrature(scale: float) -> tuple[Array, Array]:
-    """Nodes [rad/s] and weights for an integral over 0 to inf: Gauss-Legendre in omega = scale v/(1 - v)."""
-    nodes, weights = np.polynomial.legendre.leggauss(600)
-    v = (nodes + 1) / 2
-    return scale * v / (1 - v), weights / 2 * scale / (1 - v) ** 2
+    """Nodes [rad/s] and weights for an integral over 0 to inf: Gauss-Legendre in omega = scale v/(1 - v).
+
+    Forty panels of 16 nodes on 0 < v < 1: as good as one of 600, whose nodes alone take 0.3 s.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    edges = np.linspace(0.0, 1.0, 41)
+    v = (edges[:-1, np.newaxis] + (nodes + 1) / 80).ravel()
+    return scale * v / (1 - v), np.tile(weights / 80, 40) * scale / (1 - v) ** 2
 
 
 def _error(omega: Array, x: float, kp: float, ti: float, td: float, power: int) -> Array:

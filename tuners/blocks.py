@@ -22,15 +22,27 @@ Value = float | str
 
 
 class Ranges(Protocol):
-    """What knows the spans of PV [PV] and OP [OP]; None where not known."""
+    """What knows the ranges of PV [PV] and OP [OP], a loop say; None where not known."""
 
     @property
-    def pv_span(self) -> float | None:
-        """Range of PV [PV]."""
+    def pv_low(self) -> float | None:
+        """Lower end of PV [PV]."""
 
     @property
-    def op_span(self) -> float | None:
-        """Range of OP [OP]."""
+    def pv_high(self) -> float | None:
+        """Upper end of PV [PV]."""
+
+    @property
+    def op_low(self) -> float | None:
+        """Lower end of OP [OP]."""
+
+    @property
+    def op_high(self) -> float | None:
+        """Upper end of OP [OP]."""
+
+
+def _span(low: float | None, high: float | None) -> float | None:
+    return None if low is None or high is None else high - low
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +95,9 @@ class Block:
         be worse than none.
         """
         try:
-            plate = to_block(settings, self, pv_span=ranges.pv_span, op_span=ranges.op_span)
+            pv_span = _span(ranges.pv_low, ranges.pv_high)
+            op_span = _span(ranges.op_low, ranges.op_high)
+            plate = to_block(settings, self, pv_span=pv_span, op_span=op_span)
         except ValueError as reason:
             return {"unavailable": str(reason)}
         return plate.fields | ({"note": "; ".join(plate.notes)} if plate.notes else {})

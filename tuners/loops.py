@@ -2,7 +2,7 @@
 
 Written out over one denominator, the loop gain of every model and PID form is
 
-    L(s) = g (1 + a1 s + a2 s^2) e^(-theta s) / (s^n (T1 s + 1)(T2 s + 1)(tf s + 1)),   n = 0, 1 or 2
+    L(s) = g (1 + a1 s + a2 s^2) e^(-theta s) / (s^n (T1 s + 1)(T2 s + 1)...(tf s + 1)),   n = 0, 1 or 2
 
 without poles in the right half plane, so that its magnitude and its *continuous* phase are known in closed
 form. Arrays run over loops in their last axis.
@@ -12,11 +12,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
-from tuners.models import Array, FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
+from tuners.models import Array, Process
 from tuners.settings import Settings
 
 LOW_LEVEL = 30.0  # below the frequency where |L| falls to this, |S| is under 1/29: no peak, no crossover
@@ -27,7 +26,7 @@ BEND = 4.0  # angle of the dead time from which the grid goes on in even steps [
 
 @dataclass(frozen=True, slots=True)
 class Loops:
-    """Coefficients of L(s), each an array (L,); `lags` is (3, L): T1, T2 and the filter; `n` is a float."""
+    """Coefficients of L(s), arrays (L,); `lags` is (number, L), slowest first, the filter among them."""
 
     g: Array
     a1: Array
@@ -54,8 +53,9 @@ class Loops:
         if np.any(self.a2 > 0):
             # The expanded form cancels near a lightly damped pair of zeros.
             numerator = (1 - self.a2 * x) ** 2 + self.a1 * self.a1 * x
-        t1, t2, tf = self.lags * self.lags
-        poles = (1 + t1 * x) * (1 + t2 * x) * (1 + tf * x)
+        poles = np.ones_like(x)
+        for lag in self.lags:
+            poles = poles * (1 + lag * lag * x)
         power = np.where(self.n == 0, 1.0, np.where(self.n == 1, x, x * x))
         result: Array = self.g * self.g * numerator / (poles * power)
         return result
@@ -63,9 +63,10 @@ class Loops:
     def phase(self, omega: Array) -> Array:
         """Continuous phase of L at omega (..., L), with 0 for g > 0 at the origin before the poles [rad]."""
         lead = np.arctan2(self.a1 * omega, 1 - self.a2 * omega * omega)
-        lag = sum(np.arctan(lag * omega) for lag in self.lags)
         sign = np.where(self.g < 0, math.pi, 0.0)
-        result: Array = sign + lead - lag - self.n * (math.pi / 2) - omega * self.dead_time
+        for lag in self.lags:
+            lead = lead - np.arctan(lag * omega)
+        result: Array = sign + lead - self.n * (math.pi / 2) - omega * self.dead_time
         return result
 
     def parts(self, omega: Array) -> tuple[Array, Array]:
@@ -98,41 +99,43 @@ def _integrate(re: Array, im: Array, inverse: Array, where: np.ndarray) -> tuple
     return np.where(where, im * inverse, re), np.where(where, -re * inverse, im)
 
 
-def coefficients(model: Model, settings: Settings) -> tuple[Loops, tuple[int, ...]]:
+def coefficients(model: Process, settings: Settings) -> tuple[Loops, tuple[int, ...]]:
     """Write model and settings as L(s), with the shape that they broadcast to."""
-    lag2: FloatOrArray = model.lag2 if isinstance(model, SelfRegulatingModel) else 0.0
-    fields = (
-        model.gain, model.dead_time, model.lag, lag2,
-        settings.kp, settings.ti, settings.td, settings.filter_time,
-    )  # fmt: skip
+    tf = settings.filter_time
+    fields = (model.gain, model.dead_time, settings.kp, settings.ti, settings.td, tf, *model.lags)
     arrays = np.broadcast_arrays(*fields)
-    gain, dead_time, lag, lag2, kp, ti, td, tf = (np.asarray(a, dtype=float).ravel() for a in arrays)
-    integral = np.isfinite(ti)
+    gain, dead_time, kp, ti, td, tf, *lags = (np.asarray(a, dtype=float).ravel() for a in arrays)
+    integral = ~np.isinf(ti)
     safe_ti = np.where(integral, ti, 1.0)
     if settings.form == "series":
         a1, a2 = np.where(integral, safe_ti + td, td), np.where(integral, safe_ti * td, 0.0)
     else:
         a1 = np.where(integral, safe_ti, td) + tf
         a2 = np.where(integral, safe_ti * (tf + td), 0.0)
-    n = integral.astype(float) + isinstance(model, IntegratingModel)
-    loops = Loops(gain * kp / safe_ti, a1, a2, dead_time, np.stack([lag, lag2, tf]), n)
+    n = integral.astype(float) + (model.process == "integrating")
+    # Slowest first, as `_reach` wants them; what is 0 in every loop is left out.
+    slow = -np.sort(-np.stack([*lags, tf]), axis=0)
+    slow = slow[np.any(slow > 0, axis=1) | np.any(np.isnan(slow), axis=1)]
+    loops = Loops(gain * kp / safe_ti, a1, a2, dead_time, slow, n)
     return loops, arrays[0].shape
 
 
 def _reach(c: Array, order: Array, lags: Array) -> Array:
     """Frequency beyond which ``c omega^-order / prod max(1, omega lag)`` stays below 1 [rad/s].
 
-    Each subset of the lags, taken as pure integrations, bounds the term from above; the least counts.
-    0 where the term is below 1 everywhere, inf where it never falls below.
+    Any of the lags, taken as pure integrations, bound the term from above; of each number of lags the slowest
+    bound it best, and the least bound counts. 0 where the term is below 1 everywhere, inf where it never
+    falls below.
     """
     best = np.full(c.shape, np.inf)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        for chosen in product((False, True), repeat=len(lags)):
-            divisor = np.prod(lags[list(chosen)], axis=0)
-            total = order + sum(chosen)
-            power = (c / divisor) ** (1 / np.maximum(total, 1))
-            flat = np.where((total == 0) & (c <= divisor), 0.0, np.inf)
-            best = np.where(divisor > 0, np.minimum(best, np.where(total > 0, power, flat)), best)
+        for count in range(len(lags) + 1):
+            c = c if count == 0 else c / lags[count - 1]
+            total = order + count
+            power = c ** (1 / np.maximum(total, 1))
+            flat = np.where((total == 0) & (c <= 1), 0.0, np.inf)
+            # A lag of 0 leaves c infinite, and so no bound.
+            best = np.fmin(best, np.where(total > 0, power, flat))
     return best
 
 
@@ -147,7 +150,7 @@ def span(loops: Loops) -> tuple[Array, Array]:
     # Slow loops peak where the phase is, not where the gain is; 5/theta lies beyond -180 degrees.
     total = loops.dead_time + lags.sum(axis=0) + loops.a1
     total = np.where(total > 0, total, 1.0)
-    shortest = np.where(lags > 0, lags, np.inf).min(axis=0)
+    shortest = np.where(lags > 0, lags, np.inf).min(axis=0, initial=np.inf)
     with np.errstate(divide="ignore"):
         phase = np.where(loops.dead_time > 0, 5 / loops.dead_time, np.maximum(30 / shortest, 30 / total))
     high = np.maximum(np.where(np.isfinite(high), high, 20 * phase), phase)

@@ -154,6 +154,59 @@ class SelfRegulatingModel:
 Model = IntegratingModel | SelfRegulatingModel
 
 
+@dataclass(frozen=True, slots=True)
+class Plant:
+    """A process of any order, ``gain e^(-dead_time s) / (s prod (lag s + 1))``, to judge settings on.
+
+    Parameters
+    ----------
+    gain
+        [PV/(OP s)], or [PV/OP] where it is not integrating.
+    dead_time
+        [s].
+    lags
+        Any number of lags, each a float or an array that broadcasts [s].
+    integrating
+        Whether the process has the factor 1/s.
+
+    Raises
+    ------
+    ValueError
+        As for the models.
+    """
+
+    gain: FloatOrArray
+    dead_time: FloatOrArray = 0.0
+    lags: tuple[FloatOrArray, ...] = ()
+    integrating: bool = True
+
+    def __post_init__(self) -> None:
+        check_model(
+            self.gain, dead_time=self.dead_time, **{f"lag {i}": lag for i, lag in enumerate(self.lags)}
+        )
+
+    @property
+    def process(self) -> str:
+        """The word that tables use for this kind of process."""
+        return "integrating" if self.integrating else "self-regulating"
+
+    @property
+    def t0(self) -> FloatOrArray:
+        """Sum of lags and dead time [s]."""
+        return self.dead_time + sum(self.lags)
+
+    def frequency_response(self, omega: FloatOrArray) -> ComplexArray:
+        """Response at `omega` [rad/s], which broadcasts against the fields."""
+        s = 1j * np.asarray(omega)
+        response = self.gain * np.exp(-s * self.dead_time) / (s if self.integrating else 1.0)
+        for lag in self.lags:
+            response = response / (lag * s + 1)
+        return np.asarray(response)
+
+
+Process = Model | Plant
+
+
 def _settled(t: Array, lag: FloatOrArray) -> Array:
     """Return 1 - e^(-t/lag), which is 1 for lag = 0 and t > 0."""
     lag = np.asarray(lag, dtype=float)

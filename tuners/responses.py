@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tuners.models import Array, ComplexArray, IntegratingModel, Model, SelfRegulatingModel
+from tuners.models import Array, ComplexArray, Process, SelfRegulatingModel
 from tuners.settings import Settings
 
 MIN_POINTS, MAX_POINTS = 1 << 11, 1 << 17
@@ -50,7 +50,7 @@ class Response:
 
 
 def closed_loop_response(
-    model: Model, settings: Settings, kind: str = "setpoint", *, duration: float | None = None
+    model: Process, settings: Settings, kind: str = "setpoint", *, duration: float | None = None
 ) -> Response:
     """Response of the closed loop to a unit step of the set point or of a load at the process input.
 
@@ -104,16 +104,16 @@ def closed_loop_response(
     return _figures(time, pv, op, kind, final, keep)
 
 
-def _proper(model: Model, settings: Settings) -> tuple[Model, Settings]:
+def _proper(model: Process, settings: Settings) -> tuple[Process, Settings]:
     """Give an improper loop the smallest roll-off that keeps its response finite."""
     if settings.td != 0 and settings.tf == 0 and settings.c != 0:
         settings = replace(settings, tf=settings.td / 1000)
-    if isinstance(model, SelfRegulatingModel) and model.lag == 0 and model.lag2 == 0:
-        model = replace(model, lag=model.dead_time / 1000)
+    if model.process == "self-regulating" and not any(float(lag) > 0 for lag in model.lags):
+        model = SelfRegulatingModel(model.gain, model.dead_time, model.dead_time / 1000)
     return model, settings
 
 
-def _first_window(model: Model, settings: Settings) -> float:
+def _first_window(model: Process, settings: Settings) -> float:
     """Nine times the slowest time constant of the loop with its dead time as a first-order Padé [s]."""
     feedback, half = settings, float(model.dead_time) / 2
     kp, ti, td, tf = (float(x) for x in (feedback.kp, feedback.ti, feedback.td, feedback.filter_time))
@@ -126,7 +126,7 @@ def _first_window(model: Model, settings: Settings) -> float:
     controller = controller if reset else controller[:-1]
     for lag in model.lags:
         poles = np.polymul(poles, [float(lag), 1.0])
-    if isinstance(model, IntegratingModel):
+    if model.process == "integrating":
         poles = np.polymul(poles, [1.0, 0.0])
     closed = np.polyadd(
         np.polymul(poles, [half, 1.0]), float(model.gain) * np.polymul(controller, [-half, 1.0])
@@ -137,21 +137,21 @@ def _first_window(model: Model, settings: Settings) -> float:
     return max(shortest, 9 / slowest if slowest > 0 else 0.0) or 1.0
 
 
-def _loop_speed(model: Model, settings: Settings, window: float) -> float:
+def _loop_speed(model: Process, settings: Settings, window: float) -> float:
     """Highest frequency at which abs(L) is above 1 [rad/s], within the window's reach."""
     omega = np.geomspace(1 / window, 1e6 / window, 400)
     above = np.abs(model.frequency_response(omega) * settings.frequency_response(omega)) > 1
     return float(omega[above][-1]) if above.any() else 1 / window
 
 
-def _points(model: Model, settings: Settings, window: float) -> int:
+def _points(model: Process, settings: Settings, window: float) -> int:
     """Odd harmonics for a window: 33 samples a radian of the highest crossover, as far as the cap allows."""
     step = 0.03 / _loop_speed(model, settings, window)
     wanted = 2.0 ** math.ceil(math.log2(max(window / step, 1.0)))
     return int(min(max(wanted, MIN_POINTS), MAX_POINTS))
 
 
-def _square_wave(model: Model, settings: Settings, kind: str, window: float) -> tuple[Array, Array, Array]:
+def _square_wave(model: Process, settings: Settings, kind: str, window: float) -> tuple[Array, Array, Array]:
     """Time [s], PV and OP of one half period."""
     count = _points(model, settings, window)
     omega = np.arange(1, 2 * count, 2) * np.float64(math.pi / window)
@@ -195,15 +195,15 @@ def _half_wave(transfer: ComplexArray, count: int) -> Array:
     return np.asarray(wave[: 2 * count + 1])
 
 
-def _rest(model: Model, settings: Settings) -> float:
+def _rest(model: Process, settings: Settings) -> float:
     """Return the final complementary sensitivity: 1 with integral action or an integrator [-]."""
-    if math.isfinite(settings.ti) or isinstance(model, IntegratingModel):
+    if math.isfinite(settings.ti) or model.process == "integrating":
         return 1.0
     gain = float(model.gain * settings.kp)
     return gain / (1 + gain)
 
 
-def _final_value(model: Model, settings: Settings, kind: str) -> float:
+def _final_value(model: Process, settings: Settings, kind: str) -> float:
     """PV that the loop settles at [PV]."""
     rest = _rest(model, settings)
     if kind == "load":
@@ -211,9 +211,9 @@ def _final_value(model: Model, settings: Settings, kind: str) -> float:
     return rest if math.isfinite(settings.ti) else rest * float(settings.b)
 
 
-def _final_op(model: Model, settings: Settings) -> float:
+def _final_op(model: Process, settings: Settings) -> float:
     """OP that the loop settles at after a unit set-point step [OP]."""
-    if isinstance(model, IntegratingModel):
+    if model.process == "integrating":
         return 0.0
     return _final_value(model, settings, "setpoint") / float(model.gain)
 

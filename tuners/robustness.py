@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tuners.loops import BEND, LOG_POINTS, Loops, coefficients, grid, span
-from tuners.models import Array, FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
+from tuners.models import Array, FloatOrArray, IntegratingModel, Model, Plant, Process, SelfRegulatingModel
 from tuners.responses import Response, closed_loop_response
 from tuners.settings import Settings
 
@@ -293,7 +293,7 @@ def _gain_margin(loops: Loops, omega: Array, final: Array) -> Array:
         return np.asarray(1 / largest)
 
 
-def peak_sensitivity(model: Model, settings: Settings) -> FloatOrArray:
+def peak_sensitivity(model: Process, settings: Settings) -> FloatOrArray:
     """Peak of the sensitivity ``Ms = max abs(1/(1 + C P))`` with exact dead time.
 
     Parameters
@@ -312,7 +312,7 @@ def peak_sensitivity(model: Model, settings: Settings) -> FloatOrArray:
     return float(ms[0]) if shape == () else ms.reshape(shape)
 
 
-def margins(model: Model, settings: Settings) -> Margins:
+def margins(model: Process, settings: Settings) -> Margins:
     """Ms, Mt, gain, phase and delay margin, and stability, with exact dead time.
 
     Parameters
@@ -341,7 +341,7 @@ def margins(model: Model, settings: Settings) -> Margins:
     )
 
 
-def worst_sensitivity(models: Model | Iterable[Model], settings: Settings) -> float:
+def worst_sensitivity(models: Process | Iterable[Process], settings: Settings) -> float:
     """Largest Ms of one controller over several models (a model with array fields, or a list of models).
 
     Returns
@@ -349,7 +349,7 @@ def worst_sensitivity(models: Model | Iterable[Model], settings: Settings) -> fl
     float
         inf as soon as one of the loops is unstable; NaN models are ignored; NaN where all are [-].
     """
-    if isinstance(models, IntegratingModel | SelfRegulatingModel):
+    if isinstance(models, IntegratingModel | SelfRegulatingModel | Plant):
         models = [models]
     values = [np.atleast_1d(peak_sensitivity(model, settings)).ravel() for model in models]
     every = np.concatenate(values) if values else np.array([])

@@ -1,6 +1,6 @@
 """Simulated plants under PID control, with their truth: what is watched when there is no plant.
 
-Layers, each using only those to its left: `plants`, `controllers` (what a loop is made of), `kernel`
-(the compiled step), `loops` (many loops through time), `margins`, `fleet`, `scenarios`, `plantfile` (where
-loops come from), `truth`, `export`, `publish` (where samples go to).
+Layers, each importing what stands before it: `plants`, `controllers`, `specs` (what a loop is); `kernel`,
+`arrays`, `loops` (many loops through time, compiled); `margins`, `settings`, `truth`, `fleet`, `troubles`,
+`scenarios`, `plantfile` (where loops come from); `payloads`, `export`, `publish` (where samples go).
 """

@@ -12,6 +12,7 @@ from sim_plants.margins import at_sensitivity
 from sim_plants.plants import Plant
 from sim_plants.settings import robust_simc
 from sim_plants.specs import NEVER, LoopSpec, Steps
+from sim_plants.troubles import troubles
 
 _MINUTE = 60.0  # [s]
 
@@ -183,5 +184,6 @@ SCENARIOS: dict[str, Callable[[int], list[LoopSpec]]] = {
     "fleet": fleet,
     "pumped-tank": pumped_tank,
     "reference-loops": reference_loops,
+    "troubles": troubles,
 }
 """Loops by the name of the scenario, from a seed."""

@@ -60,9 +60,12 @@ def test_exact_at_every_sample_of_a_held_input(plant, period):
     np.testing.assert_allclose(sampled(plant, period, w), expected, rtol=1e-7, atol=1e-9 * abs(plant.gain))
 
 
-def test_dead_time_of_three_tenths_is_three_samples_of_a_tenth():
-    step = discretise(Plant("integrating", 1.0, 0.1 + 0.2), 0.1)
-    assert step.delay == 3
+@pytest.mark.parametrize(
+    ("dead_time", "period", "delay"), [(0.1 + 0.2, 0.1, 3), (0.7, 0.1, 7), (1.0, 0.1, 10)]
+)
+def test_a_rounding_error_beside_a_multiple_makes_no_sample(dead_time, period, delay):
+    step = discretise(Plant("integrating", 1.0, dead_time), period)
+    assert step.delay == delay
     assert not step.older.any()
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -39,6 +40,12 @@ def test_stability_ends_where_it_does(controller, limit):
         assert margin(plant, trial, 1e-6).stable is expected
 
 
+@pytest.mark.parametrize(("kp", "expected"), [(1.0, True), (4.4, True), (4.6, False), (30.0, False)])
+def test_stability_without_any_integrator(kp, expected):
+    """P on e^-s/(2.5 s + 1): tan(w) = -2.5 w at w = 1.7888, kp = sqrt(1 + (2.5 w)^2) = 4.583."""
+    assert margin(Plant("self-regulating", 1.0, 1.0, (2.5,)), Controller(kp), 1e-6).stable is expected
+
+
 def test_conditionally_stable_loops_are_told_from_unstable_ones():
     """kp ti/(...) with ti below the lag is unstable at every gain: 1/(s (10 s + 1)) with ti = 5."""
     plant = Plant("integrating", 1.0, 0.0, (10.0,))
@@ -52,7 +59,7 @@ def test_gain_is_raised_to_the_wished_sensitivity():
     plant = Plant("integrating", -0.01, 4.0, (2.0,))
     found = at_sensitivity(plant, Controller(-5.0, 40.0), 1.0, 4.0)
     assert 3.5 < margin(plant, found, 1.0).ms <= 4.0
-    with pytest.raises(ValueError, match="ms: 1.01"):
+    with pytest.raises(ValueError, match=r"ms: 1\.01"):
         at_sensitivity(plant, Controller(-5.0, 5.0), 1.0, 1.01)
 
 
@@ -139,7 +146,7 @@ def test_loops_settle_between_their_steps_within_their_limits(loops, seconds):
         events = sorted(t for schedule in (loop.setpoint, loop.load) for t, _ in schedule.until(seconds))
         quiet = np.abs(e[time < min(events, default=seconds)])
         assert (quiet < 5.5 * loop.noise).all() or not loop.auto
-        for start, end in zip(events, events[1:], strict=False):
+        for start, end in pairwise(events):
             peak = np.abs(e[(time >= start) & (time < end)]).max()
             tail = np.abs(e[(time >= end - 0.1 * (end - start)) & (time < end)]).max()
             left.append(tail - 4.5 * loop.noise > 0.03 * peak)
@@ -163,18 +170,29 @@ def test_table_rows_give_the_settings_back():
         Controller(2.0, 30.0, 4.0, tf=0.5, form="parallel"),
     ]
     plant = Plant("integrating", 0.1, 2.0)
-    rows = loop_table([LoopSpec(f"L{i}", plant, c, period=0.5, pv_low=0.0) for i, c in enumerate(controllers)])
+    rows = loop_table(
+        [LoopSpec(f"L{i}", plant, c, period=0.5, pv_low=0.0) for i, c in enumerate(controllers)]
+    )
     assert [row["controller"] for row in rows] == ["p", "pid", "pid"]
     assert (rows[0]["kp"], rows[0]["ti"], rows[0]["td"], rows[0]["tf"]) == (-2.0, math.inf, 0.0, None)
     assert (rows[1]["form"], rows[1]["tf"], rows[1]["b"], rows[1]["op_high"]) == ("series", 0.4, 0.0, 100.0)
     assert (rows[2]["ki"], rows[2]["kd"], rows[2]["ti"], rows[2]["td"]) == (2.0 / 30.0, 8.0, None, None)
-    assert (rows[0]["op_low"], rows[0]["pv_low"], rows[0]["pv_high"], rows[0]["period"]) == (None, 0.0, None, 0.5)
+    assert (rows[0]["op_low"], rows[0]["pv_low"], rows[0]["pv_high"], rows[0]["period"]) == (
+        None,
+        0.0,
+        None,
+        0.5,
+    )
 
 
 def test_truth_of_a_loop_and_its_events():
     plant = Plant("integrating", 0.2, 3.0, (4.0, 1.0))
     loop = LoopSpec(
-        "L1", plant, Controller(0.25), setpoint=Steps((9.5, 20.0), (1.0, -1.0), 30.0), load=Steps((12.25,), (2.0,))
+        "L1",
+        plant,
+        Controller(0.25),
+        setpoint=Steps((9.5, 20.0), (1.0, -1.0), 30.0),
+        load=Steps((12.25,), (2.0,)),
     )
     assert truth_rows([loop]) == [
         {
@@ -249,3 +267,30 @@ def test_every_scenario_runs_and_keeps_its_numbers_finite(name):
     assert np.isfinite(block.pv).all()
     assert np.isfinite(block.op).all()
     assert set(block.loop) == set(range(len(loops)))
+
+
+def test_troubles_are_there():
+    loops = SCENARIOS["troubles"](1)
+    rows = dict(zip((loop.tuning for loop in loops), simulated(loops, 7200.0), strict=True))
+    by_name = {loop.tuning: loop for loop in loops}
+    assert np.mean(rows["limited"].op >= 100.0) > 0.05
+    assert set(np.round(rows["coarse"].pv / 0.4, 9) % 1) == {0.0}
+    assert np.mean(rows["at times manual"].auto) == 0.75
+    # A sticky valve: OP creeps up and down by more than its band although nothing is asked for.
+    first = rows["sticky"].op[:300]
+    assert np.ptp(first) > 1.5
+    assert np.ptp(rows["coarse"].op[:300]) < 1.5 * 0.4 * by_name["coarse"].controller.kp
+    # No integral action leaves an offset of load / kp.
+    load = by_name["no integral"].load
+    after = rows["no integral"].rows(slice(int(load.times[1]) - 60, int(load.times[1])))
+    offset = load.sizes[0] / by_name["no integral"].controller.kp
+    assert (after.pv - after.sp).mean() == pytest.approx(offset, rel=0.02)
+    # A wandering load shows in OP; PV is held.
+    assert 0.1 < rows["quiet"].op.std() < 3.0
+    assert rows["quiet"].pv.std() < 2 * by_name["quiet"].noise
+    assert 3.0 < np.ptp(rows["surge"].pv) < 40.0
+    # Inverse response: PV first goes the wrong way after OP has gone up.
+    drum = by_name["inverse"]
+    at = int(drum.setpoint.times[0])
+    move = (rows["inverse"].pv[at : at + 12] - 50.0) * np.sign(drum.setpoint.sizes[0])
+    assert move.min() < -0.05

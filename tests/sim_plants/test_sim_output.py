@@ -2,6 +2,7 @@
 
 import io
 import json
+import textwrap
 import threading
 
 import numpy as np
@@ -10,6 +11,7 @@ import pyarrow as pa
 import pytest
 
 from monitor.loops import parse_row
+from sim_plants import plantfile
 from sim_plants.controllers import Controller
 from sim_plants.export import write_export
 from sim_plants.fleet import random_fleet
@@ -284,6 +286,15 @@ def test_the_exported_table_is_read_back_by_the_monitor(tmp_path):
         assert read.filter_time == pytest.approx(loop.controller.filter_time * (loop.controller.td > 0))
 
 
+def test_an_export_in_parts_is_the_same_data(tmp_path, monkeypatch):
+    loops = random_fleet(3, 5)
+    write_export(loops, 601.5, tmp_path / "whole")
+    monkeypatch.setattr("sim_plants.export._CHUNK", 100)
+    write_export(loops, 601.5, tmp_path / "parts")
+    whole, parts = (pd.read_parquet(tmp_path / name / "data.parquet") for name in ("whole", "parts"))
+    pd.testing.assert_frame_equal(whole, parts)
+
+
 def test_the_same_export_twice_is_the_same_bytes(tmp_path):
     for name in ("a", "b"):
         write_export(random_fleet(3, 5), 600.0, tmp_path / name)
@@ -336,6 +347,13 @@ def test_a_plant_file_gives_its_loops(tmp_path):
     )
     assert second.controller == Controller(1.5, 1.5 / 0.05, 2.0, form="parallel")
     assert second.auto is False
+
+
+def test_the_plant_file_of_the_docstring_is_one(tmp_path):
+    path = tmp_path / "plant.toml"
+    path.write_text(textwrap.dedent(plantfile.__doc__.split("::\n\n")[1]))
+    (loop,) = load_plant_file(path)
+    assert loop.plant == Plant("integrating", -0.02, 4.5, (3.0, 1.0))
 
 
 @pytest.mark.parametrize(

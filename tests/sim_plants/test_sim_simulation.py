@@ -69,7 +69,9 @@ def test_load_step_gives_gain_by_integrals_and_is_cancelled(reference, name):
     _, y, u = reference[name, "load"]
     assert u[-1] == pytest.approx(-1.0, abs=1e-5)
     once = np.concatenate([[0.0], np.cumsum((u + 1.0)[:-1]) * FINE])
-    assert np.trapezoid(y, dx=FINE) / np.trapezoid(once, dx=FINE) == pytest.approx(REFERENCE[name][2], rel=2e-3)
+    assert np.trapezoid(y, dx=FINE) / np.trapezoid(once, dx=FINE) == pytest.approx(
+        REFERENCE[name][2], rel=2e-3
+    )
 
 
 PLANT = Plant("integrating", -0.05, 3.4, (4.0, 1.0))
@@ -141,13 +143,17 @@ def test_bumpless_from_manual_to_automatic():
     assert block.auto[120:].all()
     np.testing.assert_array_equal(np.unique(op[:120]), [49.5, 50.0, 52.0])
     # The move at the switch is what P and I make of one sample, not of the error of -3 that stands there.
-    assert abs(op[120] - op[119]) < abs(-1.5 * (pv[120] - pv[119])) + abs(1.5 / 60 * (sp[120] - pv[120])) + 1e-9
+    assert (
+        abs(op[120] - op[119]) < abs(-1.5 * (pv[120] - pv[119])) + abs(1.5 / 60 * (sp[120] - pv[120])) + 1e-9
+    )
     assert abs(sp[-1] - pv[-1]) < 0.02
 
 
 def test_a_load_between_samples_acts_at_its_instant():
     """The same loop in manual at a tenth of the period gives the same PV at the samples both have."""
-    loop = LoopSpec("TIC-1", PLANT, Controller(-1.0), auto=False, load=Steps((3.37, 9.0, 11.999), (1.0, -3.0, 2.0)))
+    loop = LoopSpec(
+        "TIC-1", PLANT, Controller(-1.0), auto=False, load=Steps((3.37, 9.0, 11.999), (1.0, -3.0, 2.0))
+    )
     coarse = Simulation([loop]).advance(40.0).pv
     fine = Simulation([replace(loop, period=0.1)]).advance(40.0).pv[::10]
     np.testing.assert_allclose(coarse, fine, atol=1e-12)
@@ -165,7 +171,9 @@ def test_steps_repeat_for_ever():
     )
     block = Simulation([loop]).advance(1000.0)
     at = np.flatnonzero(np.diff(block.sp))
-    np.testing.assert_array_equal(at + 1, np.sort(np.concatenate([np.arange(3, 1000, 100), np.arange(95, 1000, 100)])))
+    np.testing.assert_array_equal(
+        at + 1, np.sort(np.concatenate([np.arange(3, 1000, 100), np.arange(95, 1000, 100)]))
+    )
     # Integrators in manual: ten loads, each from its time on, ramp PV.
     ramp = -0.05 * np.maximum(999.0 - (99.5 + 3.4 + 5.0) - 100.0 * np.arange(9), 0).sum()
     assert block.pv[-1] == pytest.approx(ramp, rel=1e-6)
@@ -229,7 +237,14 @@ def test_noise_is_white_normal_and_seeded():
 
 def test_wander_grows_as_the_root_of_time():
     plants = [
-        LoopSpec(f"L{i}", Plant("self-regulating", 1.0, 0.0, (0.01,)), Controller(1.0), auto=False, wander=0.1, seed=i)
+        LoopSpec(
+            f"L{i}",
+            Plant("self-regulating", 1.0, 0.0, (0.01,)),
+            Controller(1.0),
+            auto=False,
+            wander=0.1,
+            seed=i,
+        )
         for i in range(400)
     ]
     block = Simulation(plants).advance(401.0)

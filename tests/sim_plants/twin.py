@@ -24,9 +24,12 @@ def simulate(loop, n):
         e, tf, td = pid.c * sp - pv, pid.filter_time, pid.td
         if pid.form == "series":
             # lead-lag filter (td s + 1)/(tf s + 1) of c sp - pv by backward differences; td = 0: none
-            lead = (tf * lead + (td + dt) * (e - loop.pv0 * (pid.c - 1)) - td * (e_old - loop.pv0 * (pid.c - 1))) / (
-                tf + dt
-            ) if td else e - loop.pv0 * (pid.c - 1)
+            lead = (
+                (tf * lead + (td + dt) * (e - loop.pv0 * (pid.c - 1)) - td * (e_old - loop.pv0 * (pid.c - 1)))
+                / (tf + dt)
+                if td
+                else e - loop.pv0 * (pid.c - 1)
+            )
             filtered = lead - (e - loop.pv0 * (pid.c - 1))
             proportional, rate = pid.b * sp - pv + filtered, sp - pv + filtered
         else:
@@ -48,7 +51,9 @@ def simulate(loop, n):
         past.append(valve - loop.op0 + load)
         older, newer = past[-plant.delay - 2], past[-plant.delay - 1]
         x = [
-            sum(plant.phi[i][j] * x[j] for j in range(len(x))) + plant.older[i] * older + plant.newer[i] * newer
+            sum(plant.phi[i][j] * x[j] for j in range(len(x)))
+            + plant.older[i] * older
+            + plant.newer[i] * newer
             for i in range(len(x))
         ]
     return rows

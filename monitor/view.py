@@ -5,8 +5,6 @@ It is a client of the monitor's Zenoh session and may stall or die without the m
 
 from __future__ import annotations
 
-import importlib
-import json
 import os
 import re
 import signal
@@ -16,7 +14,7 @@ import threading
 import webbrowser
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import click
 
@@ -26,8 +24,6 @@ if TYPE_CHECKING:
 ENDPOINT = "tcp/127.0.0.1:7447"
 TICK = 0.25
 """Seconds between two looks into the inbox: fast for an eye, nothing for a processor."""
-CONNECT_MS = 5000
-"""How long the monitor may take to answer [ms]."""
 LAST_WORD = 5.0
 """How long the end may take [s] before the process ends itself by force."""
 PATIENCE = 30.0
@@ -128,14 +124,16 @@ def start_view(endpoint: str, view: str = "web", save: Path | None = None) -> Vi
 )
 @click.option("--save", type=click.Path(dir_okay=False, path_type=Path), help="Record into this .rrd file.")
 @click.option("--open", "browser", is_flag=True, help="Open the web page in the default browser.")
-@click.option("--parent", type=int, hidden=True, help="End when the process with this id is no longer our parent.")
+@click.option(
+    "--parent", type=int, hidden=True, help="End when the process with this id is no longer our parent."
+)
 def view_command(
     file: Path | None,
     connect: str | None,
     event: str | None,
     how: str,
     save: Path | None,
-    browser: bool,  # noqa: FBT001 - a flag of the command line
+    browser: bool,
     parent: int | None,
 ) -> None:
     """Look at flagged loops in Rerun: live, one event, or a recording.
@@ -156,22 +154,25 @@ def view_command(
         raise click.UsageError(f"--save {save}: no such folder")
     if connect and not re.fullmatch(r"[a-z]+/[^\s/]+(/.*)?", connect):
         raise click.UsageError(f"--connect {connect!r} is no endpoint such as {ENDPOINT}")
-    stop = _until_stopped(parent)
-    if file is not None:
-        _show(file, how, browser, stop)
-    else:
-        _watch(connect or ENDPOINT, event, how, save, browser, stop)
+    with _Stop(parent) as stop:
+        if file is not None:
+            _show(file, how, browser, stop)
+        else:
+            _watch(connect or ENDPOINT, event, how, save, browser, stop)
 
 
 def main() -> None:
     """Run ``view`` by itself: errors are one line on stderr; exit 2 on wrong use."""
+    code = 0
     try:
         view_command.main(standalone_mode=False, prog_name="loopsight view")
     except click.ClickException as error:
         click.echo(f"loopsight view: {' '.join(error.format_message().split())}", err=True)
-        sys.exit(error.exit_code)
+        code = error.exit_code
     except (click.Abort, KeyboardInterrupt):
-        sys.exit(0)
+        pass
+    _guard(code).start()
+    sys.exit(code)
 
 
 def _check_recording(file: Path) -> None:
@@ -185,18 +186,29 @@ def _check_recording(file: Path) -> None:
 
 
 class _Stop:
-    """When to end: a signal has come, or the parent has gone."""
+    """When to end: a signal has come, or the parent has gone. In force inside ``with``."""
 
     def __init__(self, parent: int | None) -> None:
         self._event = threading.Event()
         self._parent = parent
+        self._guard = _guard(0)
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> Self:
+        for number in (signal.SIGTERM, signal.SIGINT):
+            self._before[number] = signal.signal(number, self.set)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._guard.cancel()
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
 
     def set(self, *_: int | FrameType | None) -> None:
+        """End soon; by force if it takes too long."""
         if not self._event.is_set():
             self._event.set()
-            guard = threading.Timer(LAST_WORD, os._exit, [0])  # a viewer that hangs must not keep us
-            guard.daemon = True
-            guard.start()
+            self._guard.start()
 
     def wait(self, seconds: float) -> bool:
         """Wait at most so long; True when it is time to end."""
@@ -205,14 +217,14 @@ class _Stop:
         return self._event.wait(seconds)
 
 
-def _until_stopped(parent: int | None) -> _Stop:
-    stop = _Stop(parent)
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, stop.set)
-    return stop
+def _guard(code: int) -> threading.Timer:
+    """Timer that ends this process however it hangs: a viewer or a link that is stuck must not keep it."""
+    guard = threading.Timer(LAST_WORD, os._exit, [code])
+    guard.daemon = True
+    return guard
 
 
-def _show(file: Path, how: str, browser: bool, stop: _Stop) -> None:  # noqa: FBT001
+def _show(file: Path, how: str, browser: bool, stop: _Stop) -> None:
     viewer = _viewer(how, file)
     if viewer is None:
         return
@@ -245,7 +257,7 @@ def _viewer(how: str, file: Path | None = None) -> RerunProcess | None:
         raise click.ClickException(str(error)) from error
 
 
-def _announce(viewer: RerunProcess | None, browser: bool) -> None:  # noqa: FBT001
+def _announce(viewer: RerunProcess | None, browser: bool) -> None:
     click.echo(f"view {viewer.url}" if viewer else "view none")
     sys.stdout.flush()
     if browser and viewer and viewer.url.startswith("http:"):
@@ -257,7 +269,7 @@ def _watch(
     event: str | None,
     how: str,
     save: Path | None,
-    browser: bool,  # noqa: FBT001
+    browser: bool,
     stop: _Stop,
 ) -> None:
     """Show the monitor at ``endpoint`` until stopped, or until the viewer has been closed."""
@@ -280,7 +292,7 @@ def _draw(
     event: str | None,
     viewer: RerunProcess | None,
     save: Path | None,
-    browser: bool,  # noqa: FBT001
+    browser: bool,
     stop: _Stop,
 ) -> None:
     from monitor.adapters import rerun_view  # noqa: PLC0415
@@ -294,8 +306,11 @@ def _draw(
         else:
             feed.listen()
         _announce(viewer, browser)
-        while not stop.wait(TICK) and (viewer is None or viewer.alive()):
+        while not stop.wait(TICK):
             feed.tick()
+            if viewer is not None and not viewer.alive():
+                click.echo("the viewer has been closed", err=True)
+                break
     finally:
         feed.close()
         stop.set()
@@ -304,9 +319,10 @@ def _draw(
 
 
 def _check_event(session: Any, event: str) -> None:
-    for reply in session.get(f"loopsight/**/history/{event}", timeout=10.0):
-        if reply.ok is not None:
-            return
+    from monitor.adapters import zenoh_bus  # noqa: PLC0415
+
+    if zenoh_bus.ask(session, f"loopsight/**/history/{event}", 10.0):
+        return
     raise click.ClickException(f"the monitor knows no event {event}")
 
 
@@ -318,30 +334,13 @@ def _session(endpoint: str) -> Any:
     click.ClickException
         No monitor answers there.
     """
-    import zenoh  # noqa: PLC0415
+    from monitor.adapters import zenoh_bus  # noqa: PLC0415
 
+    options = {"transport/shared_memory/enabled": False}  # a stalled view must not hold the monitor's buffers
     try:
-        bus = importlib.import_module("monitor.adapters.zenoh_bus")
-    except ModuleNotFoundError:
-        bus = None
-    try:
-        if bus is not None:
-            return bus.open_session(connect=[endpoint], mode="client")
-        config = zenoh.Config()
-        facts = {
-            "mode": "client",
-            "scouting/multicast/enabled": False,
-            "scouting/gossip/enabled": False,
-            "listen/endpoints": [],
-            "connect/endpoints": [endpoint],
-            "connect/timeout_ms": CONNECT_MS,
-            "transport/shared_memory/enabled": False,  # a stalled view must not hold the monitor's buffers
-        }
-        for key, value in facts.items():
-            config.insert_json5(key, json.dumps(value))
-        return zenoh.open(config)
-    except zenoh.ZError as error:
-        raise click.ClickException(f"no monitor answers at {endpoint} ({str(error)[:120]})") from error
+        return zenoh_bus.open_session(mode="client", connect=[endpoint], options=options)
+    except zenoh_bus.BusError as error:
+        raise click.ClickException(f"no monitor answers: {error}") from error
 
 
 if __name__ == "__main__":

@@ -127,7 +127,7 @@ def _table(payload: bytes) -> tuple[pa.Table, dict[str, str]]:
 
 
 def _columns(table: pa.Table, names: Sequence[str]) -> list[Any]:
-    """Column ``time`` [ns], then ``names`` as float64 with NaN for null; what is not there raises ValueError."""
+    """Column ``time`` [ns], then ``names`` as float64 with NaN for null; ValueError if not there."""
     for name in ("time", *names):
         if table.schema.get_field_index(name) < 0:
             raise ValueError(f"no column {name!r}")

@@ -1,7 +1,7 @@
-"""What the view knows and how it learns it: a bounded inbox, the loops' rows, the questions to the monitor.
+"""How the view learns what it shows: a bounded inbox, subscriptions, questions to the monitor.
 
-The view never subscribes to the plant's data. It hears the monitor's records of all loops, and the windows and
-trends of the few loops that it shows; a callback only enqueues, and a full inbox forgets its oldest entry.
+The view never subscribes to the plant's data. It hears the monitor's records of all loops, and the windows
+and trends of the few loops that it shows. A callback only enqueues, and a full inbox drops its oldest entry.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, Protocol
 import msgspec
 
 from monitor import view_text
+from monitor.view_board import SHOWN, Board, as_row
 from monitor.view_data import (
     Pane,
     Trend,
@@ -30,8 +31,6 @@ logger = logging.getLogger(__name__)
 
 PREFIX = "loopsight"
 FACTS = ("event", "assessment", "suggestion")
-SHOWN = 12
-"""Loops with charts of their own: more tabs than this nobody looks at."""
 INBOX = 4096
 """Entries; the largest is a window of some 30 kB."""
 REPLIES = 200_000
@@ -40,11 +39,9 @@ LOG_LINES = 40
 """Lines of the log a tick: in a storm of events the rest is counted, not shown."""
 QUESTIONS = 5
 """Questions to the monitor a tick."""
-SWAP = 0.8
-"""A loop takes another's place only when it is this much worse: tabs must not flicker."""
 QUESTIONS_WAITING = 20_000
 SILENCE = 100
-"""Ticks without a health record (due every 40) after which the next one means a monitor that has come back."""
+"""Ticks without a health record (due every 40) after which the next one is of a monitor that came back."""
 EVENTS = 2000
 """Assessments kept for the pages of the loops shown."""
 PAYLOAD_MAX = 4 << 20
@@ -59,7 +56,7 @@ class Message(NamedTuple):
 
 
 class Inbox:
-    """Bounded queue between Zenoh's threads and the view's: never blocks, forgets the oldest and counts it."""
+    """Bounded queue between Zenoh's threads and the view's: never blocks, drops the oldest and counts it."""
 
     def __init__(self, size: int = INBOX) -> None:
         self._entries: deque[Message] = deque()
@@ -94,79 +91,6 @@ class Drawing(Protocol):
     def layout(self, panes: list[Pane], active: str | None = None) -> None: ...  # noqa: D102
 
 
-class Board:
-    """The loops as the monitor sees them, and which of them are shown. Knows neither Zenoh nor Rerun."""
-
-    def __init__(self, most: int = SHOWN) -> None:
-        self.rows: dict[str, dict[str, Any]] = {}
-        """Rows of the flagged loops, and of the pinned one."""
-        self.keys: dict[str, str] = {}
-        """Their loop keys."""
-        self.pinned: str | None = None
-        """A loop that is shown whatever its verdict."""
-        self.shown: list[str] = []
-        self._verdicts: dict[str, str] = {}
-        self._counts: Counter[str] = Counter()
-        self._ranked: list[dict[str, Any]] | None = None
-        self._most = most
-
-    def put(self, row: Mapping[str, Any], key: str) -> None:
-        """Take over a loop's current row."""
-        name, verdict = str(row["loop"]), str(row.get("verdict"))
-        self._counts[self._verdicts.get(name, "")] -= 1
-        self._counts[verdict] += 1
-        self._verdicts[name] = verdict
-        if verdict == "retune" or name == self.pinned:
-            self.rows[name], self.keys[name] = dict(row), key
-        elif name in self.rows:
-            del self.rows[name], self.keys[name]
-        else:
-            return
-        self._ranked = None
-
-    def counts(self) -> dict[str, int]:
-        """Loops by verdict."""
-        return {verdict: n for verdict, n in self._counts.items() if n > 0}
-
-    def flagged(self) -> list[dict[str, Any]]:
-        """Rows of the flagged loops, worst first."""
-        if self._ranked is None:
-            self._ranked = sorted(
-                (row for row in self.rows.values() if row.get("verdict") == "retune"), key=severity
-            )
-        return self._ranked
-
-    def choose(self) -> bool:
-        """Choose the loops to show; True where the choice has changed.
-
-        A loop that is shown stays until it is no longer flagged, or another one is clearly worse.
-        """
-        ranked = self.flagged()
-        by_name = {str(row["loop"]): severity(row) for row in ranked}
-        stay = [name for name in self.shown if name in by_name or name == self.pinned]
-        if self.pinned in self.rows and self.pinned not in stay:
-            stay.insert(0, str(self.pinned))
-        for name in (str(row["loop"]) for row in ranked if row["loop"] not in stay):
-            if len(stay) < self._most:
-                stay.append(name)
-                continue
-            mildest = max((n for n in stay if n != self.pinned), key=lambda n: by_name[n], default=None)
-            if mildest is None or by_name[name] >= SWAP * by_name[mildest]:
-                break
-            stay[stay.index(mildest)] = name
-        stay.sort(key=lambda n: by_name.get(n, -1.0))
-        changed = set(stay) != set(self.shown)
-        self.shown = stay
-        return changed
-
-
-def severity(row: Mapping[str, Any]) -> float:
-    """How bad a loop is, 0 the worst: its CI and its Ms against the limits' defaults, whichever is worse."""
-    ms = row.get("ms")
-    robust = 2.75 / ms if isinstance(ms, (int, float)) and ms > 0 else 1.0
-    return min([robust, *(max(ci, 0.0) / 0.6 for ci in view_text.indices(row))])
-
-
 class Feed:
     """Carries what the monitor says into the picture. ``tick`` a few times a second from one thread.
 
@@ -195,7 +119,7 @@ class Feed:
         """The newest window of each loop that was asked for."""
         self._drawn: OrderedDict[str, None] = OrderedDict()
         self._evidence: dict[str, str] = {}
-        """The event that stands for each loop: what its suggestion rests on, else the best that is remembered."""
+        """The event that stands for each loop: what its suggestion rests on, else the best remembered."""
         self._cited: set[str] = set()
         """Loops whose suggestion has named its evidence."""
         self._health: dict[str, Any] | None = None
@@ -204,7 +128,7 @@ class Feed:
         self._pages: dict[str | None, str] = {}
 
     def listen(self) -> None:
-        """Hear the monitor's records from now on, and ask for all loops' state: a late view misses nothing."""
+        """Hear the monitor's records from now on, and ask for all loops' state, for a late view."""
         keys = [f"{PREFIX}/**/{leaf}" for leaf in FACTS]
         keys.append(f"{PREFIX}/@/*/status")  # what begins with @ no wildcard matches
         self._facts = [self._session.declare_subscriber(key, self._hear) for key in keys]
@@ -255,7 +179,7 @@ class Feed:
         self._session.get(selector, self._answered, timeout=10.0)
 
     def _question(self, selector: str) -> None:
-        """Ask when it is this one's turn: however much happens, the monitor answers a few questions a tick."""
+        """Ask when it is this one's turn: the monitor answers a few questions a tick."""
         if len(self._questions) < QUESTIONS_WAITING:
             self._questions[selector] = None
 
@@ -293,11 +217,11 @@ class Feed:
         elif leaf == "history":
             _keep(self._events, str(fact["id"]), fact, EVENTS)
             self._remembered(name, key, fact)
-        if leaf in ("event", "assessment"):
+        if leaf == "assessment" or (leaf == "event" and fact.get("state") == "open"):
             lines.append(fact)
 
     def _remembered(self, name: str, key: str, fact: dict[str, Any]) -> None:
-        """An event of the past: its window is asked for where it is the loop's best evidence so far."""
+        """Take over an event of the past; its window is wanted where it is the loop's best evidence."""
         if not self._facts:  # a single event is shown
             self.board.pinned = name
             self.board.put(as_row(fact), key)
@@ -311,9 +235,8 @@ class Feed:
             self._question(f"{PREFIX}/{key}/window/{fact['id']}")
 
     def _heard_health(self, health: dict[str, Any], monitor: str) -> None:
-        if self._silent >= SILENCE and self._health is not None:
-            self._ask(f"{PREFIX}/**/status")
-        elif self._health is None and not self.board.counts():
+        unheard = self._health is None and not self.board.counts()
+        if unheard or (self._health is not None and self._silent >= SILENCE):
             self._ask(f"{PREFIX}/**/status")
         self._silent, self._health = 0, {**health, "id": monitor}
 
@@ -398,9 +321,9 @@ class _Layout:
         old = {pane.loop: pane for pane in self._panes}
         panes = []
         for name in shown:
-            window = windows.get(name)
-            if window is not None and window.id == self._ids.get(name):
-                panes.append(Pane(name, int(window.time[0]), int(window.time[-1])))
+            held = windows.get(name)
+            if held is not None and held.id == self._ids.get(name):
+                panes.append(Pane(name, int(held.time[0]), int(held.time[-1])))
             else:
                 panes.append(old.get(name, Pane(name, 0, 0)))
         fresh = [name for name in shown if name not in old]
@@ -408,12 +331,6 @@ class _Layout:
         self._panes, self._sent = panes, state
         self._count += 1
         self._wait = min(120, 2 * self._count)
-
-
-def as_row(assessment: Mapping[str, Any]) -> dict[str, Any]:
-    """Build a loop's row of one event alone, for an event whose loop has none."""
-    index = "ci_load" if assessment.get("kind") == "load" else "ci_setpoint"
-    return {**assessment, index: assessment.get("ci")}
 
 
 def _worth(assessment: Mapping[str, Any]) -> tuple[bool, str]:

@@ -38,7 +38,7 @@ def escape(text: object, most: int = 200) -> str:
 
 
 def number(value: object, digits: int = 3) -> str:
-    """A figure with ``digits`` significant digits; ``–`` where there is none."""
+    """Write a figure with ``digits`` significant digits; ``–`` where there is none."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or math.isnan(value):
         return "–"
     if math.isinf(value):
@@ -55,7 +55,7 @@ def clock(iso: object) -> str:
 
 
 def indices(row: Row) -> list[float]:
-    """The row's CI figures: set point, load."""
+    """List the row's CI figures: set point, load."""
     found = (row.get("ci_setpoint"), row.get("ci_load"))
     return [float(ci) for ci in found if isinstance(ci, (int, float)) and math.isfinite(ci)]
 
@@ -114,9 +114,10 @@ def loop_page(row: Row, assessment: Row | None = None) -> str:
 def log_line(record: Row) -> tuple[str, str]:
     """Build text and level (``INFO``, ``WARN``) of an event or an assessment for the log."""
     name, kind = plain(record.get("loop", "?"), 60), _kind(record)
+    when = clock(record.get("start"))[5:16]
     if "verdict" not in record:
-        return f"{name}: {kind} {plain(record.get('state', ''), 30)}", "INFO"
-    text = f"{name}: {kind}, CI {number(record.get('ci'), 2)}: {_verdict(record)}"
+        return f"{when} {name}: {kind} {plain(record.get('state', ''), 30)}", "INFO"
+    text = f"{when} {name}: {_verdict(record)}, {kind}, CI {number(record.get('ci'), 2)}"
     if record.get("reason"):
         text += f" ({plain(record['reason'], 160)})"
     return text, "WARN" if record.get("verdict") == "retune" else "INFO"
@@ -191,9 +192,7 @@ def _stages(row: Row) -> list[str]:
     lines = ["", f"Go there in {len(stages)} stages, with a look at the loop in between:", ""]
     for i, stage in enumerate(stages[:10], 1):
         facts = stage.items() if isinstance(stage, Mapping) else ()
-        told = (
-            f"{escape(k, 20).capitalize()} {escape(_value(v), 20)}" for k, v in facts if k not in ("form",)
-        )
+        told = (f"{escape(k, 20).capitalize()} {escape(_value(v), 20)}" for k, v in facts if k != "form")
         lines.append(f"{i}. {', '.join(told)}")
     return lines
 

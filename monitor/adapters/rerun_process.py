@@ -60,7 +60,7 @@ class RerunProcess:
 
     def __init__(self, arguments: Sequence[str], ports: Sequence[int], deadline: float) -> None:
         self._settings = tempfile.TemporaryDirectory(prefix="loopsight-view-")
-        self._errors = tempfile.TemporaryFile()
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by stop
         self.proxy = f"rerun+http://127.0.0.1:{ports[0]}/proxy"
         self.url = self.proxy
         self.process = subprocess.Popen(  # noqa: S603 - our own program and arguments

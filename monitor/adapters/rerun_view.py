@@ -1,11 +1,12 @@
-"""The picture in Rerun: what a control engineer would draw of a flagged loop. The only file that imports rerun.
+"""The picture in Rerun: what a control engineer would draw. The only file that imports rerun.
 
-``Picture`` takes decoded data and logs columns to a recording; where the recording goes (viewer, file, both)
-it does not know. Paths of entities are made from the names, never the names themselves: a loop's name is data.
+``Picture`` takes decoded data and logs columns to a recording; where that goes (viewer, file, both) it does
+not know. Paths of entities are made from the names, never the names themselves: a loop's name is data.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
@@ -22,6 +23,9 @@ from monitor.view_data import Floats, Nanos, Pane, Trend, Window
 TIMELINE = "time"
 SP_COLOUR, PV_COLOUR, OP_COLOUR = (165, 165, 165), (70, 140, 240), (240, 150, 40)
 MODEL_COLOUR, ONSET_COLOUR = (235, 60, 60), (190, 120, 255)
+ONSET, SP, PV, MODEL = "1-onset", "2-sp", "3-pv", "4-model"
+ONSET_OP, OP = "5-onset", "6-op"
+"""Series by path: Rerun draws in the order of paths, and the thin model belongs on top of the data."""
 LIVE_SPAN = 600.0
 """Least span of the live strip [s]: a control engineer's ten minutes."""
 MARGIN = 0.04
@@ -35,6 +39,7 @@ class Picture:
         self._recording = recording
         self._styled: set[str] = set()
         self._last: dict[str, int] = {}
+        self._legends: dict[str, rrb.Corner2D] = {}
         self.now = 0
         """Latest time drawn [ns]; pages are shown as of then, so that a recording can be scrubbed."""
         recording.log("start", _page("# Control loops\n\nWaiting for the monitor.\n"), static=True)
@@ -45,11 +50,12 @@ class Picture:
             return
         base = f"{entity(window.loop)}/event"
         self._style(base, event=True)
-        values = {"sp": window.sp, "pv": window.pv, "op": window.op, "model": window.model}
+        values = {SP: window.sp, PV: window.pv, OP: window.op, MODEL: window.model}
         for name, column in values.items():
             self._line(f"{base}/{name}", window.time, column, broken=True)
-        for name, columns in (("mark", (window.sp, window.pv, window.model)), ("mark_op", (window.op,))):
+        for name, columns in ((ONSET, (window.sp, window.pv, window.model)), (ONSET_OP, (window.op,))):
             self._mark(f"{base}/{name}", window.onset, columns)
+        self._legends[window.loop] = _free_corner(window.pv)
         self._advance(int(window.time[-1]))
 
     def trend(self, trend: Trend) -> None:
@@ -61,7 +67,7 @@ class Picture:
         last = self._last.get(base)
         period = float(np.median(np.diff(trend.time))) if trend.time.size > 1 else 0.0
         hole = last is not None and period > 0 and trend.time[0] - last > 10 * period
-        for name, column in (("sp", trend.sp), ("pv", trend.pv), ("op", trend.op)):
+        for name, column in ((SP, trend.sp), (PV, trend.pv), (OP, trend.op)):
             path = f"{base}/{name}"
             if hole and last is not None:
                 self._line(path, np.array([last + 1], np.int64), np.array([np.nan]))
@@ -85,8 +91,8 @@ class Picture:
         self._recording.log("overview" if loop is None else f"{entity(loop)}/page", _page(text))
 
     def layout(self, panes: Sequence[Pane], active: str | None = None) -> None:
-        """Lay the picture out anew: overview and log left, a tab for each of ``panes``, ``active`` in front."""
-        self._recording.send_blueprint(_blueprint(panes, active, started=self.now > 0))
+        """Lay out anew: overview and log left, a tab for each of ``panes``, ``active`` in front."""
+        self._recording.send_blueprint(_blueprint(panes, self._legends, active, started=self.now > 0))
 
     def _style(self, base: str, *, event: bool) -> None:
         """Names, colours and widths of a loop's series, logged once. SP and OP are held between samples."""
@@ -94,13 +100,13 @@ class Picture:
             return
         self._styled.add(base)
         lines = {
-            "sp": ("SP [PV]", SP_COLOUR, 1.5, "StepAfter", "MinMax"),
-            "pv": ("PV [PV]", PV_COLOUR, 2.5, "Linear", "MinMax"),
-            "op": ("OP [OP]", OP_COLOUR, 2.0, "StepAfter", "MinMax"),
+            SP: ("SP [PV]", SP_COLOUR, 1.5, "StepAfter", "MinMax"),
+            PV: ("PV [PV]", PV_COLOUR, 2.2, "Linear", "MinMax"),
+            OP: ("OP [OP]", OP_COLOUR, 1.8, "StepAfter", "MinMax"),
         }
         if event:
-            lines["model"] = ("model of PV [PV]", MODEL_COLOUR, 1.2, "Linear", "Average")
-            lines["mark"] = lines["mark_op"] = ("onset", ONSET_COLOUR, 1.5, "Linear", "Off")
+            lines[MODEL] = ("model of PV [PV]", MODEL_COLOUR, 1.3, "Linear", "Average")
+            lines[ONSET] = lines[ONSET_OP] = ("onset", ONSET_COLOUR, 1.5, "Linear", "Off")
         for name, (words, colour, width, mode, policy) in lines.items():
             style = rr.SeriesLines(
                 names=words,
@@ -146,10 +152,8 @@ def open_recording(proxy: str | None, save: Path | None) -> rr.RecordingStream:
 
 def close_recording(recording: rr.RecordingStream, patience: float = 2.0) -> None:
     """Hand over what is left and close; what a viewer does not take within ``patience`` [s] is lost to it."""
-    try:
+    with contextlib.suppress(RuntimeError, ValueError):  # the viewer is gone
         recording.flush(timeout_sec=patience)
-    except (RuntimeError, ValueError):  # the viewer is gone
-        pass
     recording.disconnect()
 
 
@@ -164,22 +168,33 @@ def _page(text: str) -> rr.TextDocument:
     return rr.TextDocument(text, media_type="text/markdown")
 
 
-def _blueprint(panes: Sequence[Pane], active: str | None, *, started: bool) -> rrb.Blueprint:
+def _free_corner(pv: Floats) -> rrb.Corner2D:
+    """Corner that the last half of PV leaves free for the legend."""
+    known, late = pv[np.isfinite(pv)], pv[pv.size // 2 :]
+    late = late[np.isfinite(late)]
+    high = late.size > 0 and float(np.median(late)) > (float(known.min()) + float(known.max())) / 2
+    return rrb.Corner2D.RightBottom if high else rrb.Corner2D.RightTop
+
+
+def _blueprint(
+    panes: Sequence[Pane], legends: Mapping[str, rrb.Corner2D], active: str | None, *, started: bool
+) -> rrb.Blueprint:
     overview = rrb.TextDocumentView(origin="/overview" if started else "/start", name="Overview")
+    hidden = rrb.encodings.TimelineColumn(TIMELINE, visible=False)  # too narrow to read; the lines tell it
     log = rrb.TextLogView(
         origin="/log",
         name="Events",
-        columns=rrb.TextLogColumns(timeline_columns=[TIMELINE], text_log_columns=["loglevel", "body"]),
+        columns=rrb.TextLogColumns(timeline_columns=[hidden], text_log_columns=["loglevel", "body"]),
         format_options=rrb.TextLogFormat(monospace_body=False),
     )
     root: rrb.Horizontal | rrb.Vertical = rrb.Vertical(overview, log, row_shares=[3, 2])
     if panes:
         names = [pane.loop for pane in panes]
         front = names.index(active) if active in names else 0
-        tabs = [_tab(pane) for pane in panes]
+        tabs: list[rrb.Container] = [_tab(pane, legends) for pane in panes]
         if len(panes) > 1:
             tabs.append(_small_multiples(panes))
-        root = rrb.Horizontal(root, rrb.Tabs(*tabs, active_tab=front), column_shares=[1, 3])
+        root = rrb.Horizontal(root, rrb.Tabs(*tabs, active_tab=front), column_shares=[1.1, 3])
     return rrb.Blueprint(
         root,
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
@@ -190,13 +205,14 @@ def _blueprint(panes: Sequence[Pane], active: str | None, *, started: bool) -> r
     )
 
 
-def _tab(pane: Pane) -> rrb.Horizontal:
-    name = view_text.plain(pane.loop, 60)
-    live = _chart(pane, "live", ("sp", "pv"), f"{name}: now", _recent(pane))
+def _tab(pane: Pane, legends: Mapping[str, rrb.Corner2D]) -> rrb.Horizontal:
+    """One loop: its event above, PV and OP on one time axis; what it does now below; the advice beside."""
+    name, corner = view_text.plain(pane.loop, 60), legends.get(pane.loop, rrb.Corner2D.RightTop)
+    other = rrb.Corner2D.RightTop if corner == rrb.Corner2D.RightBottom else rrb.Corner2D.RightBottom
     charts = rrb.Vertical(
-        _chart(pane, "event", ("mark", "sp", "pv", "model"), f"{name}: SP, PV and model", _event(pane)),
-        _chart(pane, "event", ("mark_op", "op"), f"{name}: OP", _event(pane)),
-        live,
+        _chart(pane, (ONSET, SP, PV, MODEL), f"{name}: SP, PV and model", corner),
+        _chart(pane, (ONSET_OP, OP), f"{name}: OP", other),
+        _chart(pane, (SP, PV), f"{name}: now", rrb.Corner2D.LeftTop, live=True),
         row_shares=[5, 3, 2.5],
     )
     page = rrb.TextDocumentView(origin=f"/{entity(pane.loop)}/page", name="Advice")
@@ -205,26 +221,21 @@ def _tab(pane: Pane) -> rrb.Horizontal:
 
 def _small_multiples(panes: Sequence[Pane]) -> rrb.Grid:
     """All flagged loops' events side by side."""
-    charts = [
-        _chart(
-            p, "event", ("mark", "sp", "pv", "model"), view_text.plain(p.loop, 60), _event(p), legend=False
-        )
-        for p in panes
-    ]
+    charts = [_chart(pane, (ONSET, SP, PV, MODEL), view_text.plain(pane.loop, 60), None) for pane in panes]
     return rrb.Grid(*charts, name="All flagged")
 
 
 def _chart(
-    pane: Pane, part: str, series: Sequence[str], name: str, span: Mapping[str, Any], *, legend: bool = True
+    pane: Pane, series: Sequence[str], name: str, legend: rrb.Corner2D | None, *, live: bool = False
 ) -> rrb.TimeSeriesView:
-    origin = f"/{entity(pane.loop)}/{part}"
+    origin = f"/{entity(pane.loop)}/{'live' if live else 'event'}"
     return rrb.TimeSeriesView(
         origin=origin,
         contents=[f"{origin}/{one}" for one in series],
         name=name,
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=legend),
+        plot_legend=rrb.PlotLegend(legend, visible=legend is not None),
         interaction=rrb.PlotInteraction(tooltip_mode="All"),
-        **span,
+        **(_recent(pane) if live else _event(pane)),
     )
 
 
@@ -242,7 +253,7 @@ def _event(pane: Pane) -> dict[str, Any]:
 
 
 def _recent(pane: Pane) -> dict[str, Any]:
-    """The last window's length before the cursor, at least ``LIVE_SPAN``."""
+    """Axis and data: the last window's length before the cursor, at least ``LIVE_SPAN``."""
     seconds = max(LIVE_SPAN, (pane.end - pane.start) / 1e9)
     relative = rrb.TimeRangeBoundary.cursor_relative
     start, end = relative(seconds=-seconds), relative()

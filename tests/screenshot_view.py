@@ -1,0 +1,114 @@
+"""Make a screenshot of what ``loopsight view`` shows: the picture in the README.
+
+Run: ``python tests/screenshot_view.py docs/view.png [--connect ENDPOINT] [--size 1600x950] [--wait 8]``.
+Without ``--connect`` a fake monitor is shown. It draws with Rerun's native viewer, without a window; where
+there is no graphics card that needs a software Vulkan driver (Debian: ``mesa-vulkan-drivers libvulkan1``).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent.parent)]
+
+from fake_monitor import FakeMonitor, demo_loops  # noqa: E402
+
+from monitor.adapters import rerun_process  # noqa: E402
+from monitor.view import start_view  # noqa: E402
+
+BAR = 36
+"""Height of the viewer's own bar at the top."""
+SOFTWARE_VULKAN = Path("/usr/share/vulkan/icd.d/lvp_icd.x86_64.json")
+
+
+def missing() -> str:
+    """Why no screenshot can be made here, or nothing."""
+    try:
+        rerun_process.program()
+    except rerun_process.RerunError as error:
+        return str(error)
+    if sys.platform.startswith("linux") and not (SOFTWARE_VULKAN.exists() or rerun_process.has_display()):
+        return "no Vulkan driver: apt-get install mesa-vulkan-drivers libvulkan1"
+    return ""
+
+
+@contextmanager
+def headless(proxy: str, size: str) -> Iterator[str]:
+    """Rerun's native viewer without a window, connected to the data at ``proxy``; gives its own address."""
+    port = rerun_process.free_ports(1)[0]
+    env = {**os.environ, "RUST_LOG": "off", "XDG_RUNTIME_DIR": tempfile.gettempdir()}
+    if SOFTWARE_VULKAN.exists():
+        env["VK_DRIVER_FILES"] = str(SOFTWARE_VULKAN)
+    command = [str(rerun_process.program()), "--headless", "--bind", "127.0.0.1", "--port", str(port)]
+    command += ["--window-size", size, "--hide-welcome-screen", "--renderer", "vulkan", proxy]
+    viewer = subprocess.Popen(command, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        yield f"rerun+http://127.0.0.1:{port}/proxy"
+    finally:
+        viewer.terminate()
+        viewer.wait(10)
+
+
+def shoot(url: str, target: Path, size: str, wait: float) -> None:
+    """Save what a browser would show at ``url`` (the view's) as a PNG, after ``wait`` [s] of drawing."""
+    from PIL import Image  # noqa: PLC0415 - comes with rerun
+    from rerun.experimental import ViewerClient  # noqa: PLC0415
+
+    width = int(size.split("x", 1)[0])
+    proxy = parse_qs(urlsplit(url).query)["url"][0] if url.startswith("http") else url
+    with headless(proxy, size) as address:
+        deadline, client = time.monotonic() + 30, None
+        while client is None:
+            try:
+                client = ViewerClient.connect(address)
+            except (RuntimeError, ConnectionError, ValueError):
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(0.2)
+        time.sleep(wait)
+        client.save_screenshot(str(target.resolve()))
+    with Image.open(target) as picture:  # without the window's bar
+        small = picture.crop((0, BAR * picture.width // width, picture.width, picture.height))
+        small.convert("RGB").save(target, optimize=True)
+
+
+def main() -> None:
+    """Parse the options, start what is needed, shoot."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("target", type=Path)
+    parser.add_argument("--connect", metavar="ENDPOINT")
+    parser.add_argument("--size", default="1600x950")
+    parser.add_argument("--wait", type=float, default=8.0)
+    args = parser.parse_args()
+    if why := missing():
+        sys.exit(why)
+    fake = None if args.connect else FakeMonitor(rerun_process.free_ports(1)[0], demo_loops())
+    view = start_view(args.connect or (fake.endpoint if fake else ""), "web")
+    try:
+        if not view.url:
+            sys.exit("the view did not start")
+        if fake:
+            fake.health()
+            for loop in fake.loops:
+                fake.tell(loop)
+            time.sleep(2.0)  # the view asks for the trends of what it has been told
+            for loop in fake.loops:
+                fake.go_on(loop, 3600, 400)
+        shoot(view.url, args.target, args.size, args.wait)
+    finally:
+        view.stop()
+        if fake:
+            fake.close()
+
+
+if __name__ == "__main__":
+    main()

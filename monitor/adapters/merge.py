@@ -164,7 +164,7 @@ def sorted_samples(
         A file is damaged, or holds a local time that does not exist.
     """
     names = list(wanted)
-    rows = sum(_rows_of(source, names) for source in sources)
+    rows = sum(rows_of(source, names) for source in sources)
     parts = max(1, min(len(names), -(-rows // MOST_SORTED)))
     for k in range(parts):
         some = {name: wanted[name] for name in names[k::parts]}
@@ -213,7 +213,7 @@ def _localised(source: Source, wanted: Mapping[str, int], span: Span, tally: Tal
     yield everything
 
 
-def _rows_of(source: Source, names: Sequence[str]) -> int:
+def rows_of(source: Source, names: Sequence[str]) -> int:
     """Estimate how many rows a file has of these loops; a CSV row takes 40 bytes or more."""
     rows = source.size // 40 if source.rows is None else source.rows
     return rows if source.layout.kind == LONG else rows * sum(name in source.layout.columns for name in names)
@@ -222,7 +222,8 @@ def _rows_of(source: Source, names: Sequence[str]) -> int:
 def _count_loops(gate: _Gate, wanted: Mapping[str, int]) -> None:
     for name, code in wanted.items():
         if gate.rows[code]:
-            gate.tally.loop_rows[name] += int(gate.rows[code])
+            rows = gate.tally.loop_rows
+            rows[name] = rows.get(name, 0) + int(gate.rows[code])
 
 
 def _ahead(items: Iterator[Rows]) -> Iterator[Rows]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -81,9 +80,9 @@ class Tally:
     """Duplicates whose values differ from those kept."""
     bad_texts: int = 0
     """Values that were text."""
-    texts: Counter[str] = field(default_factory=Counter)
+    texts: dict[str, int] = field(default_factory=dict)
     """The texts, as they stood there."""
-    loop_rows: Counter[str] = field(default_factory=Counter)
+    loop_rows: dict[str, int] = field(default_factory=dict)
     """Rows of each loop."""
     unknown: set[str] = field(default_factory=set)
     """Names in the data that were not asked for."""
@@ -98,7 +97,7 @@ class Tally:
         """Count a text that stood in place of a value; the number of different ones is bounded."""
         self.bad_texts += times
         if value[:40] in self.texts or len(self.texts) < MOST_TEXTS:
-            self.texts[value[:40]] += times
+            self.texts[value[:40]] = self.texts.get(value[:40], 0) + times
 
     def name(self, name: str) -> None:
         """Remember a loop that was not asked for."""
@@ -107,17 +106,14 @@ class Tally:
 
     def add(self, other: Tally) -> None:
         """Take in another task's tally; several tasks may have read the same lines of a file."""
-        self.rows += other.rows
-        self.bad_time += other.bad_time
-        self.outside += other.outside
-        self.duplicate += other.duplicate
-        self.conflict += other.conflict
-        self.loop_rows.update(other.loop_rows)
-        self.bad_texts += other.bad_texts
-        self.texts.update(other.texts)
+        for name in ("rows", "bad_time", "outside", "duplicate", "conflict", "bad_texts"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        for mine, theirs in ((self.loop_rows, other.loop_rows), (self.texts, other.texts)):
+            for key, n in theirs.items():
+                mine[key] = mine.get(key, 0) + n
         self.unknown |= other.unknown
         for file, lines in other.lines.items():
             self.lines.setdefault(file, {}).update(lines)
         for mine, theirs in ((self.lost_lines, other.lost_lines), (self.file_rows, other.file_rows)):
-            for file, n in theirs.items():
-                mine[file] = max(n, mine.get(file, 0))
+            for key, n in theirs.items():
+                mine[key] = max(n, mine.get(key, 0))

@@ -24,6 +24,7 @@ EXCEL_EPOCH = 25_569
 """[days] from a spreadsheet's day 0, 1899-12-30, to 1970-01-01."""
 EXCEL_STEP = 0.005
 """[days] (7 min) a spreadsheet's step is shorter; seconds that far from 0 come in steps of 1 s or more."""
+_OLDEST_NS, _NEWEST_NS = int(OLDEST) * 10**9, int(NEWEST) * 10**9
 _INT64 = float(np.iinfo(np.int64).max)
 
 
@@ -108,7 +109,7 @@ def _days_or_seconds(t: NDArray[np.float64]) -> Clock:
 
 
 def numbers_to_ns(values: NDArray[Any], clock: Clock) -> tuple[Ns, NDArray[np.bool_]]:
-    """Convert numeric times, each to the nearest nanosecond.
+    """Convert numeric times: whole numbers exactly, others to the microsecond that a float of today can hold.
 
     Returns
     -------
@@ -121,45 +122,37 @@ def numbers_to_ns(values: NDArray[Any], clock: Clock) -> tuple[Ns, NDArray[np.bo
         Times of another unit are among them.
     """
     if values.dtype.kind in "iu" and clock.unit != EXCEL:
-        seconds = values.astype(np.float64) * (UNITS[clock.unit] / 1e9)
-        good = np.abs(seconds) < _INT64 / 1e9
-        ns = np.where(good, values, 0).astype(np.int64) * UNITS[clock.unit]
+        scale = UNITS[clock.unit]
+        good = np.abs(values.astype(np.float64)) < _INT64 / scale
+        ns = np.where(good, values, 0).astype(np.int64) * scale
     else:
         t = np.asarray(values, dtype=np.float64)
         if clock.unit == EXCEL:
             # a spreadsheet's double holds today to a microsecond, and shows milliseconds: round to those
-            t, scale = np.rint((t - EXCEL_EPOCH) * 86_400e3), UNITS["ms"]
+            us = np.rint((t - EXCEL_EPOCH) * 86_400e3) * 1e3
         else:
-            scale = UNITS[clock.unit]
-        good = np.abs(t) < _INT64 / scale
-        t = np.where(good, t, 0.0)
-        # whole units exactly, then the fraction: the product alone loses 200 ns of today's seconds
-        whole = np.floor(t)
-        ns = whole.astype(np.int64) * scale + np.rint((t - whole) * scale).astype(np.int64)
-        seconds = np.where(good, ns / 1e9, np.nan)
-    return ns, good & plausible(ns, clock, seconds)
-
-
-def plausible(ns: Ns, clock: Clock, seconds: NDArray[np.float64] | None = None) -> NDArray[np.bool_]:
-    """Mark the times of day that lie between 1980 and 2200; all, where times count from some start.
-
-    Raises
-    ------
-    ValueError
-        Numeric times of another unit are among them.
-    """
+            us = np.round(t * (UNITS[clock.unit] / 1e3))
+        good = np.abs(us) < _INT64 / 1e3
+        ns = np.where(good, us, 0.0).astype(np.int64) * 1000
     if not clock.epoch:
-        if clock.kind == "number" and len(ns) and ns.max() >= OLDEST * 1e9:
+        if len(ns) and ns.max() >= OLDEST * 1e9:
             raise ValueError(f"time: seconds from a start and since 1970 mixed; see {OPTION}")
-        return np.ones(len(ns), np.bool_)
-    good: NDArray[np.bool_] = (ns >= int(OLDEST) * UNITS["s"]) & (ns <= int(NEWEST) * UNITS["s"])
-    if seconds is not None and clock.unit != EXCEL and not good.all():
+        return ns, good
+    good &= plausible(ns, clock)
+    if not good.all() and clock.unit != EXCEL:
         # what is no time in this unit, but in another, betrays a mixture
-        own = seconds[~good] / (UNITS[clock.unit] / 1e9)
+        rest = np.asarray(values, dtype=np.float64)[~good]
         for unit in UNITS:
-            if unit != clock.unit and _within(own, unit).any():
+            if unit != clock.unit and _within(rest, unit).any():
                 raise ValueError(f"time: {clock.unit} and {unit} since 1970 mixed, expected one unit")
-    return good
+    return ns, good
+
+
+def plausible(ns: Ns, clock: Clock) -> NDArray[np.bool_]:
+    """Mark the times of day that lie between 1980 and 2200; all, where times count from some start."""
+    if not clock.epoch or not len(ns) or (ns.min() >= _OLDEST_NS and ns.max() <= _NEWEST_NS):
+        return np.ones(len(ns), np.bool_)
+    return np.asarray((ns >= _OLDEST_NS) & (ns <= _NEWEST_NS))
 
 
 # ---------------------------------------------------------------------------------------------------

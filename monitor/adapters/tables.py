@@ -1,0 +1,106 @@
+"""The audit's tables: records to the columns of ``events.parquet``, ``loops.parquet`` and ``loops.csv``."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from monitor.records import TIMES, Assessment, LoopRow
+
+from .historian import write_parquet
+
+EVENTS, LOOPS, LOOPS_CSV = "events.parquet", "loops.parquet", "loops.csv"
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+
+
+def write_tables(
+    out: Path, events: Sequence[Assessment], loops: Sequence[LoopRow], *, seconds: bool
+) -> list[Path]:
+    """Write all three tables; the same records give the same bytes.
+
+    Parameters
+    ----------
+    seconds
+        Times as float seconds since 1970 (the input's were numbers) rather than as timestamps.
+
+    Returns
+    -------
+    list of Path
+        The files, in the order in which a reader wants them.
+
+    Raises
+    ------
+    OSError
+        A file cannot be written.
+    """
+    write_parquet(out / EVENTS, columns(Assessment, events, seconds=seconds))
+    write_parquet(out / LOOPS, columns(LoopRow, loops, seconds=seconds))
+    write_text(out / LOOPS_CSV, loops_csv(loops))
+    return [out / LOOPS_CSV, out / LOOPS, out / EVENTS]
+
+
+def columns(
+    record: type[Assessment | LoopRow], records: Sequence[Any], *, seconds: bool
+) -> dict[str, tuple[str, list[Any]]]:
+    """Turn records into columns: heading to (kind, values), in the order of the record's fields."""
+    out: dict[str, tuple[str, list[Any]]] = {}
+    for name, hint in get_type_hints(record).items():
+        values = [getattr(r, name) for r in records]
+        kind = _kind(str(hint))
+        if name in TIMES:
+            kind = "float" if seconds else "time"
+            if seconds:
+                values = [v / 1e9 for v in values]
+        elif kind == "float":
+            values = [None if v is None or math.isnan(v) else v for v in values]
+        out[name] = kind, values
+    return out
+
+
+def _kind(hint: str) -> str:
+    for kind, mark in (("list", "tuple"), ("float", "float"), ("int", "int"), ("str", "str")):
+        if mark in hint:
+            return kind
+    raise TypeError(f"a field of type {hint} has no column type")
+
+
+def loops_csv(loops: Sequence[LoopRow]) -> str:
+    """Return ``loops.csv``: flags joined by ``;``, an empty cell for what is not known, ``inf`` as such.
+
+    A text that a spreadsheet would run as a formula (it begins with = + - @ or a tab) has an apostrophe
+    before it; ``loops.parquet`` holds it as it is.
+    """
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    table = columns(LoopRow, loops, seconds=True)
+    writer.writerow(table)
+    for cells in zip(*(values for _, values in table.values()), strict=True):
+        writer.writerow([_cell(c) for c in cells])
+    return file.getvalue()
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, tuple | list):
+        value = ";".join(value)
+    if isinstance(value, str):
+        return "'" + value if value.startswith(_FORMULA) else value
+    return repr(value)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    part = path.with_name(path.name + ".part")
+    part.write_text(text, encoding="utf-8", newline="\n")
+    part.replace(path)

@@ -67,7 +67,8 @@ def _judge(omega: Floats, loop: NDArray[np.complex128], integrators: int) -> Mar
     """
     distance = 1 + loop
     angle = np.unwrap(np.angle(distance))
-    stable = abs(angle[-1] - angle[0] - integrators * np.pi / 2) < np.pi / 2
+    # An encirclement is a whole turn: half a turn away from the right number tells it from none.
+    stable = abs(angle[-1] - angle[0] - integrators * np.pi / 2) < np.pi
     closest = int(np.argmin(np.abs(distance)))
     return Margin(stable=bool(stable), ms=float(1 / abs(distance[closest])), omega=float(omega[closest]))
 

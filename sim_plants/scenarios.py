@@ -100,8 +100,8 @@ def _demo_cases() -> list[tuple[str, str, Plant, Controller, float, float, str]]
         return Plant("self-regulating", gain, dead_time, lags)
 
     level, small, drum = integrating(0.05, 4.0), integrating(-0.0016, 6.0, 5.0), integrating(0.03, 4.0)
-    gas, steam = integrating(0.006, 3.0, 2.0), integrating(-0.5, 2.0, 8.0, 2.0)
-    reactor, oven = integrating(0.01, 5.0, 20.0, 5.0), lagging(1.5, 8.0, 60.0, 8.0)
+    gas, steam = integrating(0.006, 3.0, 2.0), integrating(-0.5, 4.0, 5.0, 1.0)
+    reactor, oven = integrating(0.01, 8.0, 9.0, 3.0), lagging(1.5, 8.0, 60.0, 8.0)
     flow, cooling, feed = lagging(2.0, 2.0, 5.0), lagging(-1.2, 3.0, 8.0, 1.0), lagging(12.0, 2.0, 4.0)
     return [
         ("LIC-101", "good", level, robust_simc(level, 1.0), 100.0, 4.0, "%"),

@@ -10,7 +10,8 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 
-from monitor.loops import parse_row
+from monitor.loops import Loop, LoopTable, parse_row
+from monitor.wire import Decoder, Message
 from sim_plants import plantfile
 from sim_plants.controllers import Controller
 from sim_plants.export import write_export
@@ -72,6 +73,23 @@ def test_samples():
         assert (row["sp"], row["pv"], row["op"]) == (block.sp[i], block.pv[i], block.op[i])
         assert row["auto"] is bool(block.auto[i])
         assert pd.Timestamp(row["t"]).value == block.time_ns[i]
+
+
+@pytest.mark.parametrize("payload", ["tag", "sample", "frame"])
+def test_the_monitor_reads_every_payload_without_a_loss(payload):
+    block, messages = published(payload, 30.0)
+    table = LoopTable([Loop(name=loop.name) for loop in LOOPS])
+    decoder = Decoder(table)
+    entries = decoder.decode([Message(key, data, 0) for key, data in messages], 2**62)
+    assert not decoder.causes
+    if payload == "tag":
+        sp, op, auto, pv = (entries[i::4] for i in range(4))
+        read = {"loop": pv["loop"], "time": pv["time"], "sp": sp["sp"], "pv": pv["pv"], "op": op["op"]}
+        read["auto"] = auto["auto"]
+    else:
+        read = {name: entries[name] for name in ("loop", "time", "sp", "pv", "op", "auto")}
+    for name, values in read.items():
+        np.testing.assert_array_equal(values, getattr(block, "time_ns" if name == "time" else name))
 
 
 def test_a_missing_value_is_left_out():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from twin import simulate
+from sim_twin import simulate
 
 from sim_plants.controllers import Controller
 from sim_plants.fleet import random_fleet

@@ -272,8 +272,8 @@ def judge(
     if reasons:
         cause = trap(loop, form, model)
         return RETUNE, "; ".join([*reasons, cause] if cause else reasons)
-    if ci is None and ms is None:
-        return INCONCLUSIVE, "neither an index (the event was cut short) nor the settings (for Ms) are known"
+    if ci is None:
+        return INCONCLUSIVE, "no index: the event ended before the loop had followed the step"
     return GOOD, ""
 
 

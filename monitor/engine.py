@@ -148,8 +148,8 @@ class Engine:
     def _judge(self, loop: Loop, case: _Case) -> tuple[LoopRow, Advice | None]:
         """Judge a loop by all its events together."""
         row = LoopRow(loop=loop.name, events=case.events)
-        row.ci_setpoint = _median([f.record.ci for f in case.findings])
         usable = [f for f in case.findings if f.usable and f.fit is not None]
+        ci = row.ci_setpoint = _median([f.record.ci for f in usable or case.findings])
         last = case.findings[-1].record
         if not usable:
             row.verdict, row.reason, row.process = INCONCLUSIVE, last.reason, last.process
@@ -172,7 +172,6 @@ class Engine:
             ), None
         form, model = canonical_form(loop), model_of(joint)
         ms = row.ms = current_sensitivity(loop, form, model)
-        ci = _median([f.record.ci for f in usable])
         row.verdict, row.reason = judge(loop, form, model, ci, ms, 0.0)
         if len(usable) == 1 and row.verdict == usable[0].record.verdict:
             row.reason = usable[0].record.reason  # it knows the overshoot and how the event ended

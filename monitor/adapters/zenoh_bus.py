@@ -1,0 +1,221 @@
+"""Zenoh: the only file that opens sessions. Everything it opens listens on loopback unless told otherwise."""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+import zenoh
+
+from monitor.wire import Message
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+RECONNECT = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}
+"""A router that comes back is found within a second; set as one object, single fields are refused."""
+MOST_BYTES = 256 * 2**20
+"""Bytes that the ring holds before it drops its oldest messages."""
+MOST_MESSAGES = 2_000_000
+
+
+class BusError(OSError):
+    """A session that could not be opened."""
+
+
+def open_session(
+    mode: str = "client",
+    connect: Sequence[str] = (),
+    listen: Sequence[str] = (),
+    options: Mapping[str, Any] | None = None,
+) -> Any:
+    """Open a Zenoh session without scouting.
+
+    Parameters
+    ----------
+    mode
+        ``router`` (others meet through this process), ``client``, ``peer``.
+    connect, listen
+        Endpoints, e.g. ``tcp/127.0.0.1:7447``.
+    options
+        Further settings of Zenoh's configuration, by path.
+
+    Raises
+    ------
+    BusError
+        One line: the endpoint and what was wrong.
+    """
+    config = zenoh.Config()
+    settings: dict[str, Any] = {
+        "mode": mode,
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "listen/endpoints": list(listen),
+        "connect/endpoints": list(connect),
+        "connect/retry": RECONNECT,
+        "connect/timeout_ms": 3000,
+        "timestamping/enabled": True,
+        **(options or {}),
+    }
+    try:
+        for path, value in settings.items():
+            config.insert_json5(path, json.dumps(value))
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        where = ", ".join([*connect, *listen])
+        why = re.split(r" at /| \[", str(error).splitlines()[0])[0]  # without the library's own source lines
+        raise BusError(f"{where}: cannot open a Zenoh session: {why}") from None
+
+
+class Ring:
+    """Messages between Zenoh's thread and ours: bounded, the oldest dropped and counted.
+
+    A stalled callback blocks Zenoh's publishers for seconds and then cuts their link; so the callback
+    only enqueues.
+    """
+
+    def __init__(self, most_bytes: int = MOST_BYTES, most_messages: int = MOST_MESSAGES) -> None:
+        self._queue: deque[Message] = deque()
+        self._lock = threading.Lock()
+        self._bytes = 0
+        self._most_bytes, self._most_messages = most_bytes, most_messages
+        self.received = 0
+        """Messages that came in."""
+        self.dropped = 0
+        """Messages that were dropped because nobody took them."""
+
+    def __len__(self) -> int:
+        return len(self._queue)
+
+    def put(self, message: Message) -> None:
+        """Append a message; drop the oldest ones that no longer fit."""
+        with self._lock:
+            self.received += 1
+            self._queue.append(message)
+            self._bytes += len(message.payload)
+            while self._bytes > self._most_bytes or len(self._queue) > self._most_messages:
+                self._bytes -= len(self._queue.popleft().payload)
+                self.dropped += 1
+
+    def take(self, most: int) -> list[Message]:
+        """Return the oldest messages, at most this many."""
+        with self._lock:
+            taken = [self._queue.popleft() for _ in range(min(most, len(self._queue)))]
+            self._bytes -= sum(len(m.payload) for m in taken)
+        return taken
+
+
+class Question:
+    """A query that waits for its answers."""
+
+    def __init__(self, query: Any) -> None:
+        self._query = query
+        self.key = str(query.key_expr)
+        self.parameters = {str(k): str(v) for k, v in _pairs(query.parameters)}
+        payload = query.payload
+        self.payload = b"" if payload is None else payload.to_bytes()
+
+    def matches(self, key: str) -> bool:
+        """Whether this key is asked for."""
+        return bool(self._query.key_expr.intersects(zenoh.KeyExpr(key)))
+
+    def answer(self, replies: Sequence[tuple[str, bytes, str]]) -> None:
+        """Send (key, payload, encoding) and end the query; a querier that has gone is no error."""
+        try:
+            with self._query as query:
+                for key, payload, encoding in replies:
+                    query.reply(key, payload, encoding=encoding)
+        except zenoh.ZError:
+            return
+
+
+def _pairs(parameters: Any) -> list[tuple[Any, Any]]:
+    text = str(parameters)
+    return [tuple(part.partition("=")[::2]) for part in text.split(";") if part]
+
+
+class Bus:
+    """A monitor's session: what it hears goes to a ring, what it is asked to a list, what it says under one prefix.
+
+    Parameters
+    ----------
+    session
+        An open session; closed with `close` (a session with a callback that is not closed hangs at exit).
+    prefix
+        The only key space that is ever written to.
+    """
+
+    def __init__(self, session: Any, prefix: str = "loopsight") -> None:
+        self._session = session
+        self._prefix = prefix
+        self._declared: list[Any] = []
+        self.ring = Ring()
+        self.questions: deque[Question] = deque(maxlen=1000)
+
+    def subscribe(self, keys: Sequence[str], arrival: Callable[[], int]) -> None:
+        """Listen to key expressions; messages without a timestamp take ``arrival()`` [ns]."""
+        ring = self.ring
+
+        def enqueue(sample: Any) -> None:
+            stamp = sample.timestamp
+            time = arrival() if stamp is None else _nanoseconds(stamp.get_time())
+            ring.put(Message(str(sample.key_expr), sample.payload.to_bytes(), time))
+
+        for key in keys:
+            self._declared.append(self._session.declare_subscriber(key, enqueue))
+
+    def answer(self, keys: Sequence[str]) -> None:
+        """Accept queries on these key expressions; they wait in ``questions`` for our own thread."""
+        for key in keys:
+            self._declared.append(
+                self._session.declare_queryable(key, lambda query: self.questions.append(Question(query)))
+            )
+
+    def alive(self, key: str) -> None:
+        """Declare a liveliness token; it goes with the session."""
+        self._declared.append(self._session.liveliness().declare_token(key))
+
+    def say(self, key: str, payload: bytes, encoding: str) -> None:
+        """Publish under the prefix; a subscriber that does not take it loses it, we never wait.
+
+        Raises
+        ------
+        ValueError
+            The key lies outside the prefix: nothing is ever written to a plant.
+        """
+        if not key.startswith(self._prefix + "/"):
+            raise ValueError(f"{key}: outside {self._prefix}/, the monitor only ever writes there")
+        self._session.put(key, payload, encoding=encoding, congestion_control=zenoh.CongestionControl.DROP)
+
+    def close(self) -> None:
+        """Undeclare everything and close the session."""
+        for declared in self._declared:
+            declared.undeclare()
+        self._declared.clear()
+        self._session.close()
+
+
+def _nanoseconds(when: datetime) -> int:
+    delta = when.astimezone(UTC) - datetime(1970, 1, 1, tzinfo=UTC)
+    return ((delta.days * 86_400 + delta.seconds) * 1_000_000 + delta.microseconds) * 1000
+
+
+def ask(session: Any, key: str, seconds: float) -> list[tuple[str, bytes]]:
+    """Return the replies (key, payload) to a query; a refusal or a time-out is no reply."""
+    replies = []
+    for reply in session.get(key, timeout=seconds):
+        if reply.ok is not None:
+            replies.append((str(reply.ok.key_expr), reply.ok.payload.to_bytes()))
+    return replies
+
+
+def plant_put(session: Any) -> Callable[[str, bytes], None]:
+    """Return ``put(key, payload)`` for a simulated plant: blocking, so that no sample of a burst is lost."""
+
+    def put(key: str, payload: bytes) -> None:
+        session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+
+    return put

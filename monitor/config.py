@@ -1,0 +1,103 @@
+"""The service's configuration: one frozen record; the command line overrides it, nothing repeats it."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+VIEWS = ("none", "web", "native")
+
+
+class ConfigError(ValueError):
+    """A configuration that cannot be used; one line for each problem."""
+
+
+class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Settings of ``loopsight monitor``; in a TOML file under the same names."""
+
+    loops: str = ""
+    """Loop table (.csv, .toml, .parquet); empty: every loop that is heard is registered."""
+    id: str = "monitor"
+    """Name of this monitor in its own keys."""
+    connect: list[str] = []
+    """Zenoh endpoints of an existing router."""
+    listen: list[str] = []
+    """Endpoints to listen on; without both, tcp/127.0.0.1:7447 in router mode."""
+    subscribe: list[str] = msgspec.field(default_factory=lambda: ["plant/**"])
+    """Key expressions of samples."""
+    state: str = ""
+    """Folder for what is kept; empty: $STATE_DIRECTORY, else the user's state folder."""
+    auto_register: bool = False
+    """Watch loops that are in no table, with default facts."""
+    reorder_window: float = 2.0
+    """[s] in the samples' time."""
+    future: float = 60.0
+    """Samples further ahead of the clock than this are refused [s]."""
+    view: str = "none"
+    """``none``, ``web`` or ``native``."""
+    tick: float = 0.05
+    """Longest wait between two looks at the ring [s]."""
+
+    def __post_init__(self) -> None:
+        checks = [
+            (self.view in VIEWS, "view", self.view, "one of " + ", ".join(VIEWS)),
+            (
+                0 <= self.reorder_window <= 3600,
+                "reorder_window",
+                self.reorder_window,
+                "seconds from 0 to 3600",
+            ),
+            (self.future > 0, "future", self.future, "seconds above 0"),
+            (0.001 <= self.tick <= 1, "tick", self.tick, "seconds from 0.001 to 1"),
+            (bool(self.subscribe), "subscribe", self.subscribe, "at least one key expression"),
+            (bool(self.id) and not set(self.id) & set("/*$?#"), "id", self.id, "a name without / * $ ? #"),
+        ]
+        for ok, name, value, accepted in checks:
+            if not ok:
+                raise ValueError(f"{name}: {value!r}, expected {accepted}")
+
+    @property
+    def state_folder(self) -> Path:
+        """Where what is kept lies."""
+        if self.state:
+            return Path(self.state)
+        if os.environ.get("STATE_DIRECTORY"):  # set by systemd
+            return Path(os.environ["STATE_DIRECTORY"])
+        base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+        return Path(base) / "loopsight"
+
+
+def load(path: Path | None, **overrides: Any) -> Config:
+    """Read a TOML file (or only the defaults) and override what is not None or empty.
+
+    Raises
+    ------
+    ConfigError
+        One line: file, field, value, what is accepted.
+    """
+    settings: dict[str, Any] = {}
+    if path is not None:
+        try:
+            settings = tomllib.loads(path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise ConfigError(f"{path}: {error}") from None
+        if settings.get("loops"):  # beside the file that names it
+            settings["loops"] = str(path.parent / settings["loops"])
+    settings |= {k: v for k, v in overrides.items() if v is not None and v != ()}
+    try:
+        return msgspec.convert(settings, Config)
+    except (msgspec.ValidationError, ValueError) as error:
+        raise ConfigError(f"{path or 'command line'}: {error}") from None
+
+
+def problems(path: Path) -> list[str]:
+    """Return what is wrong with a configuration file; empty where it is fine."""
+    try:
+        load(path)
+    except ConfigError as error:
+        return [str(error)]
+    return []

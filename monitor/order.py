@@ -1,0 +1,160 @@
+"""Arrivals into order: late ones within a window are sorted in, and tags are put together to samples.
+
+The window runs in the samples' own time, loop by loop, so that a replay at any speed gives what the live stream
+would have given. Of a loop's entries those older than its newest good one by more than the window are
+released; what comes later than that is counted and dropped.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .detect import jit
+from .samples import UNCERTAIN, Samples
+from .wire import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_SP
+
+HELD = 64
+"""Entries held for each loop; a loop faster than 32 a second has a shorter window."""
+
+LOOP = np.dtype(
+    [
+        ("count", np.int64),
+        ("newest", np.int64),
+        ("released", np.int64),
+        ("arrival", np.float64),
+        ("sp", np.float64),
+        ("op", np.float64),
+        ("auto", np.int64),
+    ]
+)
+
+
+class Order:
+    """Holds back arrivals of all loops for the length of the window.
+
+    Parameters
+    ----------
+    loops
+        Number of loops; grow it with `grow`.
+    window
+        [s]
+    """
+
+    def __init__(self, loops: int, window: float = 2.0) -> None:
+        self.window = round(window * 1e9)
+        self.state = np.zeros(0, LOOP)
+        self.held = np.zeros((0, HELD), ENTRY)
+        self.late = 0
+        """Entries that came later than the window allows."""
+        self.grow(loops)
+
+    def grow(self, loops: int) -> None:
+        """Make room for more loops."""
+        state = np.zeros(loops, LOOP)
+        state["sp"] = state["op"] = np.nan
+        state["auto"] = 1
+        state["newest"] = state["released"] = np.iinfo(np.int64).min // 2
+        held = np.zeros((loops, HELD), ENTRY)
+        state[: len(self.state)], held[: len(self.held)] = self.state, self.held
+        self.state, self.held = state, held
+
+    def push(self, entries: NDArray[Any], arrival: float) -> Samples:
+        """Take in entries (dtype `ENTRY`) at wall time ``arrival`` [s]; return the samples that are due."""
+        out = np.zeros(len(entries) + int(self.state["count"].sum()), ENTRY)
+        n, late = _push(self.state, self.held, entries, self.window, arrival, out)
+        self.late += late
+        return _samples(out[:n])
+
+    def release(self, before: float) -> Samples:
+        """Let go of what loops hold that had nothing newer since wall time ``before`` [s]."""
+        rows = np.flatnonzero((self.state["count"] > 0) & (self.state["arrival"] <= before))
+        out = np.zeros(int(self.state["count"][rows].sum()), ENTRY)
+        return _samples(out[: _release(self.state, self.held, rows, out)])
+
+    @property
+    def waiting(self) -> int:
+        """Entries held."""
+        return int(self.state["count"].sum())
+
+
+def _samples(entries: NDArray[Any]) -> Samples:
+    columns = (entries[n] for n in ("loop", "time", "sp", "pv", "op", "auto", "quality"))
+    return Samples.of(*columns)
+
+
+@jit
+def _push(state, held, entries, window, arrival, out):  # type: ignore[no-untyped-def]
+    """Sort entries in and release what is due; return (samples, late entries)."""
+    n = late = 0
+    for k in range(len(entries)):
+        x = entries[k]
+        s = state[x.loop]
+        if x.time < s.newest - window or x.time < s.released:
+            late += 1
+            continue
+        if s.count == HELD:
+            n = _let_go(s, held, x.loop, held[x.loop, 0].time, out, n)
+        j = s.count
+        while j > 0 and _after(held[x.loop, j - 1], x):
+            held[x.loop, j] = held[x.loop, j - 1]
+            j -= 1
+        held[x.loop, j] = x
+        s.count += 1
+        # a rejected or bad sample never moves the window
+        if x.time > s.newest and x.quality >= UNCERTAIN and _has_value(x):
+            s.newest = x.time
+            s.arrival = arrival
+            n = _let_go(s, held, x.loop, s.newest - window - 1, out, n)
+    return n, late
+
+
+@jit
+def _release(state, held, rows, out):  # type: ignore[no-untyped-def]
+    n = 0
+    for i in rows:
+        s = state[i]
+        n = _let_go(s, held, i, held[i, s.count - 1].time, out, n)
+    return n
+
+
+@jit
+def _after(a, b):  # type: ignore[no-untyped-def]
+    """Whether a held entry belongs behind a new one; of equals the first to come stays first."""
+    return a.time > b.time or (a.time == b.time and a.kind > b.kind)
+
+
+@jit
+def _has_value(x):  # type: ignore[no-untyped-def]
+    return x.kind == TAG_AUTO or not (np.isnan(x.sp) and np.isnan(x.pv) and np.isnan(x.op))
+
+
+@jit
+def _let_go(s, held, i, until, out, n):  # type: ignore[no-untyped-def]
+    """Release entries up to a time, composing tags to samples; return the number of samples in ``out``."""
+    k = 0
+    while k < s.count and held[i, k].time <= until:
+        x = held[i, k]
+        s.released = x.time
+        if x.kind == SAMPLE:
+            out[n] = x
+            n += 1
+        elif x.quality < UNCERTAIN and x.kind <= TAG_AUTO:
+            pass  # a bad set point, output or mode: the last good one holds
+        elif x.kind == TAG_SP:
+            s.sp = x.sp if not np.isnan(x.sp) else s.sp
+        elif x.kind == TAG_OP:
+            s.op = x.op if not np.isnan(x.op) else s.op
+        elif x.kind == TAG_AUTO:
+            s.auto = x.auto
+        else:
+            out[n] = x
+            out[n].sp, out[n].op, out[n].auto = s.sp, s.op, s.auto
+            n += 1
+        k += 1
+    for j in range(k, s.count):
+        held[i, j - k] = held[i, j]
+    s.count -= k
+    return n

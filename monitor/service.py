@@ -1,0 +1,453 @@
+"""The long-running service: bus to engine to store to bus, one tick after the other.
+
+The bus's own threads only enqueue; everything else happens in the thread that calls `Service.tick`. What is
+published has been committed before.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .adapters.store import Store, StoreError
+from .config import Config
+from .engine import Engine
+from .loops import NAME_BYTES, Loop, LoopTable
+from .order import Order
+from .records import RETUNE, WORST_FIRST, Assessment, Event, LoopRow, Record, Suggestion, Window
+from .samples import Samples
+from .wire import (
+    FRAME_MIME,
+    JSON_MIME,
+    Decoder,
+    Message,
+    encode_record,
+    encode_trend,
+    encode_window,
+    time_of,
+    to_json,
+)
+
+log = logging.getLogger("loopsight")
+
+PREFIX = "loopsight"
+MOST_MESSAGES = 200_000
+"""Messages taken from the ring in one tick: a backlog is worked off without losing sight of the rest."""
+ASSESS_TIME = 0.05
+"""Time in a tick for assessing closed events: in an upset the ingest goes on [s]."""
+STATUS_EVERY = 10.0
+"""[s]"""
+TREND_EVERY = 1.0
+"""[s]"""
+MOST_TRENDS = 50
+"""Loops whose new samples are published for the eye."""
+MOST_LOOPS = 200_000
+"""Loops that may register themselves."""
+MOST_UNKEPT = 10_000
+"""Records that wait for a store that fails; beyond, the oldest are given up and counted."""
+STALE_PERIODS = 3.0
+"""Sample periods without a sample after which a loop counts as stale (and at least ten seconds)."""
+
+
+class Bus(Protocol):
+    """What the service needs of the bus."""
+
+    ring: Any
+    questions: deque[Any]
+
+    def say(self, key: str, payload: bytes, encoding: str) -> None:
+        """Publish."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Said:
+    """One record on its way: first to the store, then to the bus."""
+
+    key: str
+    payload: bytes
+    encoding: str
+    keep: Callable[[Store], None]
+
+
+class Service:
+    """Drives the engine with what the bus brings.
+
+    Parameters
+    ----------
+    config, loops
+        What to watch, and how.
+    bus
+        Its ``ring`` brings messages, its ``questions`` queries; `say` publishes.
+    store
+        Keeps what is published.
+    heard
+        Called with every record, after it was published.
+    clock
+        Wall time [ns since 1970]: for refusing the future, and for the status.
+    monotonic
+        [s]: for everything that waits.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        loops: LoopTable,
+        bus: Bus,
+        store: Store,
+        heard: Callable[[Record], None] | None = None,
+        clock: Callable[[], int] = time.time_ns,
+        monotonic: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.config = config
+        self.loops = loops
+        self.bus = bus
+        self.store = store
+        self.engine = Engine(loops)
+        self.order = Order(len(loops), config.reorder_window)
+        register = self._register if config.auto_register or not config.loops else None
+        self.decoder = Decoder(loops, register)
+        self.ready = True
+        self.given_up = 0
+        """Records lost because the store failed for too long."""
+        self._heard = heard
+        self._clock, self._monotonic = clock, monotonic
+        self._started = monotonic()
+        self._unkept: deque[_Said] = deque()
+        self._flagged: set[int] = set()
+        self._trend: list[Samples] = []
+        self._next_status = self._next_trend = monotonic()
+        self._last = (monotonic(), 0, 0)
+        self._rates = (0.0, 0.0)
+        self._old_rows = store.rows()
+
+    # -- the tick -----------------------------------------------------------------------------------
+
+    def tick(self) -> int:
+        """Work off what has come in; return the number of messages."""
+        messages = self.bus.ring.take(MOST_MESSAGES)
+        now = self._monotonic()
+        samples = self._samples(messages, now)
+        records = [record for batch in samples for record in self._detect(batch)]
+        records += self._assess(ASSESS_TIME)
+        self._publish(records)
+        self._tell(records)
+        self._show(samples, now)
+        self._answer()
+        if now >= self._next_status:
+            self._next_status = now + STATUS_EVERY
+            self.bus.say(f"{PREFIX}/@/{self.config.id}/status", to_json(self.status()), JSON_MIME)
+        return len(messages)
+
+    def _samples(self, messages: list[Message], now: float) -> list[Samples]:
+        """Decode and put in order; what nothing newer has followed for the window's length is let go."""
+        batches = []
+        if messages:
+            latest = self._clock() + round(self.config.future * 1e9)
+            entries = self.decoder.decode(messages, latest)
+            for row, loop in self.decoder.settings:
+                self.engine.retuned(row, loop)
+            batches.append(self.order.push(entries, now))
+        batches.append(self.order.release(now - max(self.config.reorder_window, 0.1)))
+        return [b for b in batches if len(b)]
+
+    def _register(self, name: str, key: str) -> int | None:
+        """Watch a loop that is in no table."""
+        if len(self.loops) >= MOST_LOOPS or len(name.encode()) > NAME_BYTES or not name:
+            return None
+        try:
+            row = self.engine.add(Loop(name=name, key=key))
+        except ValueError:
+            return None
+        self.order.grow(max(2 * row, 64) if row >= len(self.order.state) else len(self.order.state))
+        return row
+
+    def _detect(self, samples: Samples) -> list[Record]:
+        return self.engine.detect(samples)
+
+    def _assess(self, seconds: float) -> list[Record]:
+        """Assess closed events for about this long; the rest waits for the next tick."""
+        records: list[Record] = []
+        until = self._monotonic() + seconds
+        while self.engine.backlog:
+            records += self.engine.assess(1)
+            if self._monotonic() >= until:
+                break
+        return records
+
+    # -- what is said -------------------------------------------------------------------------------
+
+    def _publish(self, records: list[Record]) -> None:
+        """Commit, then publish; where the store fails, wait with both."""
+        self._unkept.extend(self._said(records))
+        if not self._unkept:
+            return
+        while len(self._unkept) > MOST_UNKEPT:
+            self._unkept.popleft()
+            self.given_up += 1
+        try:
+            with self.store.transaction():
+                for said in self._unkept:
+                    said.keep(self.store)
+        except StoreError as error:
+            if self.ready:
+                log.error("store: %s; assessment goes on, nothing is published until it is back", error)
+            self.ready = False
+            return
+        if not self.ready:
+            log.warning("store: back; %d records were waiting", len(self._unkept))
+            self.ready = True
+        for said in self._unkept:
+            self.bus.say(said.key, said.payload, said.encoding)
+        self._unkept.clear()
+
+    def _tell(self, records: list[Record]) -> None:
+        if self._heard is not None:
+            for record in records:
+                self._heard(record)
+
+    def _said(self, records: Iterable[Record]) -> list[_Said]:
+        out: list[_Said] = []
+        windows = {r.id: r for r in records if isinstance(r, Window)}
+        for record in records:
+            if isinstance(record, Event):
+                out.append(self._say_event(record))
+            elif isinstance(record, Assessment):
+                out += self._say_assessment(record, windows[record.id])
+            elif isinstance(record, Suggestion):
+                out.append(self._say_suggestion(record))
+        return out
+
+    def _key(self, loop: str) -> str:
+        return self.loops[self.loops.by_name[loop]].key
+
+    def _say_event(self, event: Event) -> _Said:
+        key, payload = self._key(event.loop), encode_record(event)
+        return _Said(
+            f"{PREFIX}/{key}/event", payload, JSON_MIME,
+            lambda store: store.keep_event(event.id, key, event.start, payload),
+        )  # fmt: skip
+
+    def _say_assessment(self, record: Assessment, window: Window) -> list[_Said]:
+        """Return the assessment, and its evidence for the eye; both are kept with the loop's row."""
+        number = self.loops.by_name[record.loop]
+        key, payload = self.loops[number].key, encode_record(record)
+        evidence = encode_window(window, record.verdict, record.reason)
+        row = self.engine.row(number)
+        row_json = encode_record(row)
+        log.log(
+            logging.INFO if record.verdict == RETUNE else logging.DEBUG,
+            "%s: %s (%s) %s", record.loop, record.verdict, record.kind, record.reason,
+        )  # fmt: skip
+        if row.verdict == RETUNE:
+            self._flagged.add(number)
+        else:
+            self._flagged.discard(number)
+
+        def keep(store: Store) -> None:
+            store.keep_assessment(record.id, key, record.start, payload, evidence)
+            store.keep_row(key, row_json)
+
+        return [
+            _Said(f"{PREFIX}/{key}/assessment", payload, JSON_MIME, keep),
+            _Said(f"{PREFIX}/{key}/window", evidence, FRAME_MIME, lambda _: None),
+        ]
+
+    def _say_suggestion(self, suggestion: Suggestion) -> _Said:
+        key, payload = self._key(suggestion.row.loop), encode_record(suggestion)
+        log.info("%s: suggestion: %s", suggestion.row.loop, suggestion.row.action)
+        return _Said(
+            f"{PREFIX}/{key}/suggestion",
+            payload,
+            JSON_MIME,
+            lambda store: store.keep_suggestion(key, payload),
+        )
+
+    def _show(self, batches: list[Samples], now: float) -> None:
+        """Publish the new samples of flagged loops and of open events, about once a second."""
+        watched = np.zeros(len(self.loops), np.bool_)
+        watched[sorted(self._flagged)[:MOST_TRENDS]] = True
+        opened = np.flatnonzero(self.engine.detector.state["slot"] >= 0)[:MOST_TRENDS]
+        watched[opened] = True
+        self._trend += [b.take(watched[b.loop]) for b in batches]
+        if now < self._next_trend:
+            return
+        self._next_trend = now + TREND_EVERY
+        trend, self._trend = [b for b in self._trend if len(b)], []
+        if not trend:
+            return
+        loops = np.concatenate([b.loop for b in trend])
+        columns = {n: np.concatenate([getattr(b, n) for b in trend]) for n in ("time", "sp", "pv", "op")}
+        for row in np.unique(loops):
+            own = {n: c[loops == row] for n, c in columns.items()}
+            time_column: NDArray[np.int64] = own.pop("time")
+            payload = encode_trend(self.loops[int(row)].name, time_column, own)
+            self.bus.say(f"{PREFIX}/{self.loops[int(row)].key}/trend", payload, FRAME_MIME)
+
+    # -- what is asked ------------------------------------------------------------------------------
+
+    def _answer(self) -> None:
+        while self.bus.questions:
+            question = self.bus.questions.popleft()
+            try:
+                replies = self._replies(question)
+            except (ValueError, StoreError) as error:
+                replies = [(question.key.replace("*", "-"), to_json({"error": str(error)}), JSON_MIME)]
+            question.answer(replies)
+
+    def _replies(self, question: Any) -> list[tuple[str, bytes, str]]:
+        if question.key.endswith("/status"):
+            return [(k, p, JSON_MIME) for k, p in self._status_rows(question)]
+        if "/window/" in question.key:
+            found = self.store.window(question.key.rpartition("/")[2])
+            return (
+                []
+                if found is None
+                else [(f"{PREFIX}/{found[0]}/window/{question.key.rpartition('/')[2]}", found[1], FRAME_MIME)]
+            )
+        return self._history(question)
+
+    def _status_rows(self, question: Any) -> list[tuple[str, bytes]]:
+        own = f"{PREFIX}/@/{self.config.id}/status"
+        if question.matches(own):
+            return [(own, to_json(self.status()))]
+        out = []
+        for number, loop in enumerate(self.loops):
+            key = f"{PREFIX}/{loop.key}/status"
+            if question.matches(key):
+                out.append((key, self._current(number, loop)))
+        return out
+
+    def _current(self, number: int, loop: Loop) -> bytes:
+        """Return a loop's row: of this run, or the last one kept of an earlier run."""
+        if self.engine.verdict(number) is None and loop.key in self._old_rows:
+            return self._old_rows[loop.key]
+        return encode_record(self.engine.row(number))
+
+    def _history(self, question: Any) -> list[tuple[str, bytes, str]]:
+        """Return stored assessments of the loops asked for, one key each."""
+        asked = question.parameters
+        since, until = (_instant(asked.get(name)) for name in ("since", "until"))
+        limit = int(asked.get("limit", 1000))
+        last = question.key.rpartition("/")[2]
+        out = []
+        for loop in self.loops:
+            if not question.matches(f"{PREFIX}/{loop.key}/history/{last}"):
+                continue
+            for identity, payload in self.store.assessments(loop.key, since, until, limit):
+                key = f"{PREFIX}/{loop.key}/history/{identity}"
+                if question.matches(key):
+                    out.append((key, payload, JSON_MIME))
+        return out
+
+    def status(self) -> dict[str, Any]:
+        """Return the monitor's health, for the bus and for ``loopsight status``."""
+        counts = self.engine.counts()
+        ok = counts.pop("ok")
+        causes = (
+            "malformed",
+            "too_large",
+            "unknown_loop",
+            "future",
+            "bad_time",
+            "missed_frames",
+            "repeated_frames",
+        )
+        counts["late"] += self.order.late
+        now = self._monotonic()
+        self._measure(now, ok)
+        verdicts = [self.engine.verdict(k) or WORST_FIRST[-1] for k in range(len(self.loops))]
+        return {
+            "id": self.config.id,
+            "time": self._clock(),
+            "uptime": round(now - self._started, 1),
+            "ready": self.ready,
+            "loops": {
+                "total": len(self.loops),
+                **{v: verdicts.count(v) for v in WORST_FIRST},
+                "open": int((self.engine.detector.state["slot"] >= 0).sum()),
+                "stale": self._stale(now),
+            },
+            "flagged": [self.loops[k].name for k in sorted(self._flagged)[:100]],
+            "messages": self.bus.ring.received,
+            "dropped": self.bus.ring.dropped,
+            "samples_ok": ok,
+            **counts,
+            **{cause: self.decoder.causes[cause] for cause in causes},
+            "unknown": dict(self.decoder.unknown.most_common(20)),
+            "rates": {"messages": round(self._rates[0], 1), "samples": round(self._rates[1], 1)},
+            "queue": len(self.bus.ring),
+            "held": self.order.waiting,
+            "backlog": self.engine.backlog,
+            "waiting_for_store": len(self._unkept),
+            "given_up": self.given_up,
+        }
+
+    def _measure(self, now: float, ok: int) -> None:
+        """Rates [1/s] since the last look, at least a second ago."""
+        then, messages, samples = self._last
+        if now - then >= 1.0:
+            received = self.bus.ring.received
+            self._rates = ((received - messages) / (now - then), (ok - samples) / (now - then))
+            self._last = (now, received, ok)
+
+    def _stale(self, now: float) -> int:
+        """Count loops that sent something once and nothing for three periods."""
+        n = len(self.loops)
+        order, state = self.order.state[:n], self.engine.detector.state
+        limit = np.maximum(STALE_PERIODS * state["period"], 10.0)
+        return int(((state["seen"] > 0) & (now - order["arrival"] > limit)).sum())
+
+    def rows(self) -> list[LoopRow]:
+        """Return all loops' rows, worst first."""
+        return self.engine.rows()
+
+    # -- begin and end ------------------------------------------------------------------------------
+
+    def run(self, stop: threading.Event) -> None:
+        """Tick until told to stop; then finish what is held."""
+        while not stop.is_set():
+            if self.tick() == 0:
+                stop.wait(self.config.tick)
+        self.finish()
+
+    def finish(self) -> None:
+        """Work off the ring and the window, close open events, store and publish."""
+        while len(self.bus.ring):
+            self.tick()
+        last = self.order.release(np.inf)
+        records = self.engine.detect(last) if len(last) else []
+        records += self.engine.flush()
+        self._publish(records)
+        self._tell(records)
+
+
+def _instant(text: str | None) -> int | None:
+    """Read a time of a query [ns]: ISO or epoch seconds."""
+    if text is None:
+        return None
+    try:
+        return time_of(float(text), 0)
+    except ValueError:
+        return time_of(text, 0)
+
+
+def warm_up() -> None:
+    """Compile (or load) the kernels on a small step, so that the first real sample does not wait for it."""
+    loops = LoopTable([Loop(name="warm-up")])
+    engine, order = Engine(loops), Order(1)
+    n = 200
+    step = (np.arange(n) >= 100).astype(float)
+    pv = np.convolve(step, np.full(20, 0.05))[:n]
+    samples = Samples.of(0, 10**18 + np.arange(n) * 10**9, step, pv, step - pv)
+    engine.step(samples)
+    engine.flush()
+    order.push(np.zeros(0, order.held.dtype), 0.0)
+    order.release(0.0)

@@ -1,0 +1,54 @@
+"""Driver of ``loopsight status``: asks monitors over Zenoh, prints what an operator wants to know."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from .adapters.zenoh_bus import ask, open_session
+
+PATIENCE = 3.0
+"""How long monitors may take to answer [s]."""
+REFUSED = (
+    "bad_value", "bad_quality", "duplicate", "late", "future", "bad_time", "malformed", "too_large",
+    "unknown_loop", "missed_frames", "repeated_frames", "dropped",
+)  # fmt: skip
+
+
+def ask_monitors(endpoint: str) -> list[dict[str, Any]]:
+    """Return the health of every monitor that answers at an endpoint.
+
+    Raises
+    ------
+    BusError
+        Nothing listens there.
+    """
+    session = open_session("client", connect=[endpoint])
+    try:
+        replies = ask(session, "loopsight/@/*/status", PATIENCE)
+    finally:
+        session.close()
+    return [msgspec.json.decode(payload, type=dict[str, Any]) for _, payload in replies]
+
+
+def show(answers: list[dict[str, Any]], as_json: bool) -> None:
+    """Print the answers: JSON, one object a line, or lines for a reader."""
+    for answer in answers:
+        print(msgspec.json.encode(answer).decode() if as_json else "\n".join(_lines(answer)))  # noqa: T201
+
+
+def _lines(answer: dict[str, Any]) -> list[str]:
+    loops = answer["loops"]
+    refused = ", ".join(f"{answer[n]} {n.replace('_', ' ')}" for n in REFUSED if answer.get(n))
+    unknown = ", ".join(answer.get("unknown", {}))
+    lines = [
+        f"monitor {answer['id']}: {'ready' if answer['ready'] else 'NOT READY (store)'}, up {answer['uptime']:.0f} s",
+        f"  loops     {loops['total']}: {loops['retune']} retune, {loops['inconclusive']} inconclusive, "
+        f"{loops['good']} good, {loops['not_assessed']} not assessed; {loops['open']} events open, {loops['stale']} stale",
+        f"  samples   {answer['samples_ok']} good, {answer['rates']['samples']}/s in {answer['rates']['messages']} messages/s",
+        f"  refused   {refused or 'nothing'}",
+        f"  waiting   {answer['queue']} messages, {answer['held']} samples held for order, {answer['backlog']} events",
+        f"  flagged   {', '.join(answer['flagged']) or 'none'}",
+    ]
+    return [*lines, f"  unknown   {unknown}"] if unknown else lines

@@ -235,6 +235,7 @@ class Audit:
             "inputs": self._inputs(tally),
             "counts": counts,
             "text_in_values": {"count": tally.bad_texts, "most_frequent": dict(texts)},
+            "times_unreadable": sorted(tally.times)[:MOST_LISTED],
             "quality_unknown": sorted(s.name for s in self.sources if not _has_quality(s)),
             "loops_without_data": sorted(n for n in self.loops.by_name if n not in tally.loop_rows),
             "skipped": {

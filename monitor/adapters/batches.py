@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from monitor.samples import GOOD
 
-from .cells import codes_of, is_text, modes, numbers, plain, qualities, text_times
+from .cells import codes_of, is_text, modes, numbers, plain, qualities, stamps, text_times
 from .layouts import LONG, NEEDED, PER_LOOP, Layout, normal_name
 from .rows import Rows, Tally, join_rows
-from .times import Clock, clock_of_numbers, numbers_to_ns, plausible
+from .times import OLDEST, Clock, clock_of_numbers, numbers_to_ns, plausible
 
 
 def clock_of(first: Any, unit: str | None, *, comma: bool) -> Clock:
@@ -32,8 +32,8 @@ def clock_of(first: Any, unit: str | None, *, comma: bool) -> Clock:
     first = plain(first)
     kind = str(first.type)
     if kind.startswith("timestamp"):
-        ns = first.drop_null().cast("timestamp[ns]", safe=False).cast("int64").to_numpy(zero_copy_only=False)
-        return Clock("timestamp", naive="tz=" not in kind, epoch=bool(len(ns) and np.median(ns) > 3e17))
+        ns, good = stamps(first)
+        return Clock("timestamp", naive="tz=" not in kind, epoch=_of_day(ns[good]))
     if not is_text(first):
         return clock_of_numbers(numbers(first, Tally()), unit)
     values = numbers(first, Tally(), comma=comma)
@@ -43,7 +43,12 @@ def clock_of(first: Any, unit: str | None, *, comma: bool) -> Clock:
     if not good.any():
         shown = next((t for t in first.to_pylist() if t), "")
         raise ValueError(f"time: {shown[:40]!r}, expected ISO text, e.g. 2026-11-22T10:00:00, or seconds")
-    return Clock("text", naive=not aware[good][0], epoch=bool(np.median(ns[good]) > 3e17))
+    return Clock("text", naive=not aware[good][0], epoch=_of_day(ns[good]))
+
+
+def _of_day(ns: NDArray[np.int64]) -> bool:
+    """Whether times are times of day, not counted from some start."""
+    return len(ns) > 0 and bool(np.median(ns) >= OLDEST * 1e9)
 
 
 class Taker:
@@ -124,18 +129,21 @@ class Taker:
         return out
 
     def _time(self, array: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        clock = self.clock
-        array = plain(array)
+        clock, array = self.clock, plain(array)
         if clock.kind == "number":
-            return numbers_to_ns(_time_numbers(array, comma=self.comma), clock)
-        if clock.kind == "text":
-            ns, good, aware = text_times(array)
-            if (aware[good] == clock.naive).any():
-                raise ValueError("time: with and without zone mixed, expected one kind")
+            ns, good = numbers_to_ns(_time_numbers(array, comma=self.comma), clock)
         else:
-            good = ~_empty(array)
-            ns = array.cast("timestamp[ns]").cast("int64").fill_null(0).to_numpy(zero_copy_only=False)
-        return ns, good & plausible(ns, clock)
+            if clock.kind == "text":
+                ns, good, aware = text_times(array)
+                if (aware[good] == clock.naive).any():
+                    raise ValueError("time: with and without zone mixed, expected one kind")
+            else:
+                ns, good = stamps(array)
+            good = good & plausible(ns, clock)
+        if not good.all():
+            for value in array.filter(~good)[:1000].unique().to_pylist():
+                self.tally.time("" if value is None else value)
+        return ns, good
 
 
 def _time_numbers(array: Any, *, comma: bool) -> NDArray[Any]:

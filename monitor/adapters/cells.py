@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from monitor.samples import GOOD, UNCERTAIN
 
 from .rows import UNKNOWN, Tally
+from .times import UNITS
 
 _AUTOMATIC = "auto aut a cas cascade c rcas true t 1 1.0 yes on wahr"
 _MANUAL = "man manual m hand h rout trk iman lo oos false f 0 0.0 no off falsch"
@@ -157,6 +158,19 @@ def codes_of(array: Any, code: Callable[[str | None], int]) -> NDArray[np.int32]
     if index.null_count:
         index = index.cast("int64").fill_null(len(table) - 1)
     return np.asarray(table[index.to_numpy(zero_copy_only=False)])
+
+
+def stamps(array: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Read timestamps of any unit: (N,) [ns], UTC where they have a zone; (N,) whether usable."""
+    good = ~np.asarray(array.is_null().to_numpy(zero_copy_only=False), dtype=np.bool_)
+    scale = UNITS[re.split(r"[\[\],]", str(array.type))[1]]
+    raw = array.cast("int64").fill_null(0).to_numpy(zero_copy_only=False)
+    if scale > 1:
+        most = np.iinfo(np.int64).max // scale
+        if len(raw) and (raw.max() > most or raw.min() < -most):
+            good = good & (raw <= most) & (raw >= -most)
+        raw = np.where(good, raw, 0) * scale
+    return np.asarray(raw, dtype=np.int64), good
 
 
 def text_times(array: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:

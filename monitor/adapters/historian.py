@@ -101,6 +101,16 @@ def inspect(path: Path, name: str = "", names: Collection[str] = (), unit: str |
         raise _unusable(name, error) from None
 
 
+def headings(path: Path) -> tuple[str, ...]:
+    """Return a file's headings; none where it cannot be read."""
+    try:
+        return (
+            tuple(_open_parquet(path).schema_arrow.names) if path.suffix == ".parquet" else _csv_head(path)[0]
+        )
+    except (ValueError, OSError, csv.Error, pa.ArrowException):
+        return ()
+
+
 def _unusable(name: str, error: BaseException) -> UnusableError:
     if isinstance(error, UnusableError):
         return error
@@ -182,28 +192,40 @@ def _parquet_batches(
 
 
 def _inspect_csv(path: Path, name: str, names: Collection[str], unit: str | None, stat: Any) -> Source:
+    found, delimiter, encoding = _csv_head(path)
+    if "name" in found and not set(TIME) & {h.lower() for h in found}:
+        raise ValueError("a loop table, not data")
+    layout = layout_of(found, path, names)
+    source = Source(
+        path, name, stat.st_size, stat.st_mtime_ns, "csv", layout, Clock("text"),
+        headings=found, delimiter=delimiter, encoding=encoding,
+    )  # fmt: skip
+    first = next(_csv_batches(source, [layout.time], lambda _: "skip"), None)
+    clock = clock_of(None if first is None else first[1].column(0)[:_HEAD], unit, comma=delimiter != ",")
+    return replace(source, clock=clock)
+
+
+def _csv_head(path: Path) -> tuple[tuple[str, ...], str, str]:
+    """Return a CSV file's headings, delimiter and encoding.
+
+    Raises
+    ------
+    ValueError
+        The line of headings exceeds the bounds.
+    """
     with path.open("rb") as file:
-        head = file.read(MOST_LINE_BYTES)
+        head = file.read(BLOCK_BYTES)
+        if b"\n" not in head:
+            head += file.read(MOST_LINE_BYTES - BLOCK_BYTES)
     encoding = _encoding(head)
-    text = head.decode(encoding, errors="replace").removeprefix("\ufeff")
-    line, newline, _ = text.partition("\n")
+    line, newline, _ = head.decode(encoding, errors="replace").removeprefix("\ufeff").partition("\n")
     if not newline and len(head) == MOST_LINE_BYTES:
         raise ValueError(f"a line of more than {MOST_LINE_BYTES >> 20} MB")
     line = line.rstrip("\r")
     delimiter = max(",;\t", key=line.count)
     if line.count(delimiter) >= MOST_COLUMNS:
         raise ValueError(f"{line.count(delimiter) + 1} columns, expected at most {MOST_COLUMNS}")
-    headings = tuple(h.strip() for h in next(csv.reader([line], delimiter=delimiter), []))
-    if "name" in headings and not set(TIME) & {h.lower() for h in headings}:
-        raise ValueError("a loop table, not data")
-    layout = layout_of(headings, path, names)
-    source = Source(
-        path, name, stat.st_size, stat.st_mtime_ns, "csv", layout, Clock("text"),
-        headings=headings, delimiter=delimiter, encoding=encoding,
-    )  # fmt: skip
-    first = next(_csv_batches(source, [layout.time], lambda _: "skip"), None)
-    clock = clock_of(None if first is None else first[1].column(0)[:_HEAD], unit, comma=delimiter != ",")
-    return replace(source, clock=clock)
+    return tuple(h.strip() for h in next(csv.reader([line], delimiter=delimiter), [])), delimiter, encoding
 
 
 def _encoding(head: bytes) -> str:

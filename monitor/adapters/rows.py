@@ -14,6 +14,8 @@ MOST_NAMES = 100_000
 """Names of loops outside the table that are remembered."""
 MOST_LINES = 50
 """Lines that could not be read of which number and cause are remembered, per file."""
+MOST_TEXT = 40
+"""Characters of such a text that are kept."""
 MOST_TEXTS = 10_000
 """Different texts in place of values that are told apart."""
 
@@ -82,6 +84,8 @@ class Tally:
     """Values that were text."""
     texts: dict[str, int] = field(default_factory=dict)
     """The texts, as they stood there."""
+    times: set[str] = field(default_factory=set)
+    """What stood in place of a time."""
     loop_rows: dict[str, int] = field(default_factory=dict)
     """Rows of each loop."""
     unknown: set[str] = field(default_factory=set)
@@ -96,8 +100,12 @@ class Tally:
     def text(self, value: str, times: int) -> None:
         """Count a text that stood in place of a value; the number of different ones is bounded."""
         self.bad_texts += times
-        if value[:40] in self.texts or len(self.texts) < MOST_TEXTS:
-            self.texts[value[:40]] = self.texts.get(value[:40], 0) + times
+        _bounded(self.texts, value, times)
+
+    def time(self, value: object) -> None:
+        """Remember what stood in place of a time."""
+        if len(self.times) < MOST_TEXTS:
+            self.times.add(str(value)[:MOST_TEXT])
 
     def name(self, name: str) -> None:
         """Remember a loop that was not asked for."""
@@ -108,12 +116,23 @@ class Tally:
         """Take in another task's tally; several tasks may have read the same lines of a file."""
         for name in ("rows", "bad_time", "outside", "duplicate", "conflict", "bad_texts"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
-        for mine, theirs in ((self.loop_rows, other.loop_rows), (self.texts, other.texts)):
+        for mine, theirs in (
+            (self.loop_rows, other.loop_rows),
+            (self.texts, other.texts),
+            (self.times, other.times),
+        ):
             for key, n in theirs.items():
                 mine[key] = mine.get(key, 0) + n
         self.unknown |= other.unknown
+        self.times |= other.times
         for file, lines in other.lines.items():
             self.lines.setdefault(file, {}).update(lines)
         for mine, theirs in ((self.lost_lines, other.lost_lines), (self.file_rows, other.file_rows)):
             for key, n in theirs.items():
                 mine[key] = max(n, mine.get(key, 0))
+
+
+def _bounded(counts: dict[str, int], text: str, times: int) -> None:
+    text = text[:MOST_TEXT]
+    if text in counts or len(counts) < MOST_TEXTS:
+        counts[text] = counts.get(text, 0) + times

@@ -1,0 +1,258 @@
+"""``loopsight check``: every problem of a configuration, loop table or data file, before it is used.
+
+Importing this module is cheap; what a check needs is imported where it runs.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from .adapters.historian import Source
+    from .adapters.rows import Tally
+    from .samples import Samples
+
+MOST = 50
+"""Problems of one kind in one file that are named; the rest is counted."""
+
+
+@dataclass(slots=True)
+class Finding:
+    """What a file is, and what is wrong with it."""
+
+    what: str = ""
+    """In one line, what was found; empty where nothing could be read."""
+    problems: list[str] = field(default_factory=list)
+    """``file:row: field: value, expected ...``."""
+
+
+def check_file(path: Path, tz: str | None = None, time_unit: str | None = None) -> Finding:
+    """Check a configuration (``.toml``), a loop table or a data file (``.csv``, ``.parquet``, ``.toml``).
+
+    Parameters
+    ----------
+    tz
+        Zone of times that name none; default UTC.
+    time_unit
+        Unit of numeric times: ``s``, ``ms``, ``us``, ``ns`` or ``excel``.
+
+    Raises
+    ------
+    ValueError
+        There is no zone of that name.
+    """
+    if not path.is_file():
+        return Finding(problems=[f"{path}: no such file"])
+    try:
+        if path.suffix == ".toml":
+            text = path.read_text(encoding="utf-8")
+            return _table(path) if isinstance(tomllib.loads(text).get("loop"), list) else _config(path)
+        return _table(path) if _has_names(path) else _data(path, tz, time_unit)
+    except tomllib.TOMLDecodeError as error:
+        return Finding(problems=[f"{path}: {error}"])
+    except (OSError, UnicodeDecodeError) as error:
+        return Finding(problems=[f"{path}: {error}"])
+
+
+def _config(path: Path) -> Finding:
+    from .config import problems  # noqa: PLC0415
+
+    return Finding("configuration", problems(path))
+
+
+def _has_names(path: Path) -> bool:
+    """Whether the file is a loop table: a column ``name``, and no time."""
+    from .adapters.historian import headings  # noqa: PLC0415 (pyarrow)
+
+    found = {h.lower() for h in headings(path)}
+    return "name" in found and "time" not in found
+
+
+def _table(path: Path) -> Finding:
+    from .loops import LoopTableError, read_loop_table  # noqa: PLC0415
+
+    try:
+        table = read_loop_table(path)
+    except LoopTableError as error:
+        return Finding("loop table", error.problems)
+    known = sum(loop.kp is not None for loop in table)
+    return Finding(f"loop table: {_n(len(table), 'loop')}, {known} with settings")
+
+
+def _data(path: Path, tz: str | None, time_unit: str | None) -> Finding:
+    """Read all of a data file as the audit would."""
+    from .adapters.historian import inspect, scan  # noqa: PLC0415 (pyarrow)
+    from .adapters.merge import OutOfOrderError, Span, in_order, sorted_samples  # noqa: PLC0415
+    from .adapters.rows import Tally, UnusableError  # noqa: PLC0415
+    from .adapters.times import zone_of  # noqa: PLC0415
+
+    span = Span(zone=zone_of(tz or "UTC"))
+    try:
+        source = inspect(path, unit=time_unit)
+        names = source.loops or sorted(set().union(*scan(source)))
+        wanted = {name: k for k, name in enumerate(names)}
+        tally, order = Tally(), "in order"
+        try:
+            facts = _facts(in_order([source], wanted, span, tally), len(names))
+        except OutOfOrderError:
+            tally = Tally()
+            order = "local times" if span.zone is not None else "out of order (will be sorted)"
+            facts = _facts(sorted_samples([source], wanted, span, tally), len(names))
+    except UnusableError as error:
+        return Finding(problems=[str(error)])
+    out = Finding(
+        f"{source.layout.kind}, {_n(len(names), 'loop')}, {facts}, {order}{_notes(source, tally, tz)}"
+    )
+    out.problems += _names_wrong(path, names)
+    for name, reason in source.layout.incomplete.items():
+        out.problems.append(f"{path}: loop {name}: {reason}")
+    out.problems += [f"{path}:{n}: {reason}" for n, reason in sorted(tally.lines.get(str(path), {}).items())]
+    out.problems += _places(source, tally)
+    if not tally.loop_rows:
+        out.problems.append(f"{path}: no sample in it, expected rows with time, sp, pv and op")
+    return out
+
+
+def _facts(batches: Iterator[Samples], loops: int) -> str:
+    """Count samples; say their span and their period, by the first steps of each loop."""
+    import numpy as np  # noqa: PLC0415
+
+    n, first, last = 0, np.iinfo(np.int64).max, np.iinfo(np.int64).min
+    periods = np.full(loops, np.nan)
+    for samples in batches:
+        n += len(samples)
+        first, last = min(first, samples.time.min()), max(last, samples.time.max())
+        if np.isnan(periods).any():
+            order = np.argsort(samples.loop, kind="stable")
+            loop, steps = samples.loop[order], np.diff(samples.time[order]) * 1e-9
+            for code in np.unique(loop[np.isnan(periods[loop])]):
+                own = steps[(loop[1:] == code) & (loop[:-1] == code)]
+                periods[code] = np.median(own) if len(own) else np.nan
+    if not n:
+        return "no samples"
+    known = np.unique(np.round(periods[~np.isnan(periods)], 6))
+    period = (
+        "" if not len(known) else f", period {known[0]:g}" + (f" to {known[-1]:g}" if len(known) > 1 else "")
+    )
+    begin, end = (str(np.datetime64(int(t), "ns").astype("M8[ms]")) + "Z" for t in (first, last))
+    if abs(first) < 10**17:  # seconds from a start rather than times of day
+        begin, end = f"{first * 1e-9:g} s", f"{last * 1e-9:g} s"
+    return f"{n} rows, {begin} to {end}{period}{' s' if period else ''}"
+
+
+def _notes(source: Source, tally: Tally, tz: str | None) -> str:
+    """Say what is worth knowing and no fault of the file."""
+    roles = set().union(*source.layout.columns.values())
+    notes = [
+        "" if not source.clock.naive else f"times without zone, read as {tz or 'UTC'}",
+        "" if "quality" in roles else "quality unknown",
+        _n(tally.duplicate, "repeated row") if tally.duplicate else "",
+        f"{tally.conflict} of them with other values (the first is kept)" if tally.conflict else "",
+    ]
+    return "".join(f", {note}" for note in notes if note)
+
+
+def _names_wrong(path: Path, names: list[str]) -> list[str]:
+    from .loops import parse_row  # noqa: PLC0415
+
+    wrong = []
+    for name in names:
+        wrong += [f"{path}: loop: {what}" for what in parse_row({"name": name})[1]]
+    return wrong[:MOST]
+
+
+def _places(source: Source, tally: Tally) -> list[str]:
+    """Find where cells stand that are no values or no times: the first ones by line, the others counted."""
+    if not tally.texts and not tally.times:
+        return []
+    if source.format != "csv":
+        times = [
+            f"{source.name}: {source.layout.time}: {text!r}, expected a time" for text in sorted(tally.times)
+        ]
+        texts = [
+            f"{source.name}: {text!r} in {_n(n, 'cell')}, expected numbers"
+            for text, n in sorted(tally.texts.items())
+        ]
+        return times[:MOST] + texts[:MOST]
+    out = _lines(source, _accepted(source, tally))
+    more = tally.bad_texts + tally.bad_time - len(out)
+    return out + ([f"{source.name}: {more} more cells that cannot be read"] if more > 0 else [])
+
+
+def _accepted(source: Source, tally: Tally) -> dict[tuple[str, str], str]:
+    """Return what would be accepted: by heading, and by the text that stands there instead."""
+    out = {(source.layout.time, text): "a time, e.g. 2026-11-22T10:00:00Z" for text in tally.times}
+    for roles in source.layout.columns.values():
+        for role, heading in roles.items():
+            if role != "quality":  # any text says something of quality
+                what = "AUTO, MAN, true, false, 1 or 0" if role == "auto" else "a number"
+                out |= {(heading, text): what for text in tally.texts}
+    return out
+
+
+def _lines(source: Source, accepted: dict[tuple[str, str], str]) -> list[str]:
+    out: list[str] = []
+    encoding = "utf-8-sig" if source.encoding == "utf8" else source.encoding
+    with source.path.open(encoding=encoding, errors="replace", newline="") as file:
+        reader = csv.reader(file, delimiter=source.delimiter)
+        next(reader, None)
+        for row in reader:
+            for heading, cell in zip(source.headings, row, strict=False):
+                expected = accepted.get((heading, cell.strip()[:40]))
+                if expected:
+                    out.append(
+                        f"{source.name}:{reader.line_num}: {heading}: {cell[:40]!r}, expected {expected}"
+                    )
+            if len(out) >= MOST:
+                break
+    return out
+
+
+def _n(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+@click.command("check")
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path))
+@click.option("--tz", metavar="ZONE", help="Zone of times that name none, e.g. Europe/Berlin. Default: UTC.")
+@click.option(
+    "--time-unit",
+    type=click.Choice(["s", "ms", "us", "ns", "excel"]),
+    help="Unit of numeric times. Default: told by their range.",
+)
+def check_command(files: tuple[Path, ...], tz: str | None, time_unit: str | None) -> None:
+    r"""Check configurations, loop tables and data files.
+
+    Prints every problem with file, line or row, field, value and what would be accepted. Exit 0 without
+    problems, 2 with.
+
+    \b
+    Example:
+      loopsight check loops.csv monitor.toml export/data.parquet
+    """
+    failed = False
+    for path in files:
+        try:
+            found = check_file(path, tz, time_unit)
+        except ValueError as error:
+            raise click.UsageError(str(error)) from None
+        for line in found.problems:
+            click.echo(_visible(line), err=True)
+        failed = failed or bool(found.problems)
+        if found.what:
+            end = f"; {_n(len(found.problems), 'problem')}" if found.problems else "; no problem"
+            click.echo(_visible(f"{path}: {found.what}{end}"))
+    sys.exit(2 if failed else 0)
+
+
+def _visible(line: str) -> str:
+    """Escape what does not print, or would turn the line around."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)

@@ -201,7 +201,7 @@ def _region(fit: Fit) -> Model:
 
 
 def op_noise(settings: Settings, noise: float, period: float) -> Array:
-    """Standard deviation of OP [OP] that white noise of PV [PV] causes through P and filtered D (derived).
+    """Return the standard deviation of OP [OP] that white noise of PV [PV] causes through P and filtered D (derived).
 
     With the backward difference, ``g = td/(tf + period)`` and ``a = tf/(tf + period)``, the controller's
     response to one sample of noise is ``1 + g``, then ``-g (1 - a) a^(j-1)``; its squares sum to

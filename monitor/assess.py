@@ -16,8 +16,8 @@ from tuners.models import IntegratingModel, Model
 from tuners.robustness import peak_sensitivity
 from tuners.settings import NotRepresentableError, Settings
 
-from .detect import CAUSES, INTERRUPTED, SETTLED, STATES
 from .identify import INTEGRATING, SELF_REGULATING, Array, Fit, decide, fit_window, setpoint_integrals
+from .kernel import CAUSES, INTERRUPTED, SETTLED, STATES
 from .loops import Loop
 from .records import GOOD, INCONCLUSIVE, RETUNE, Assessment, event_id
 from .reference import SETPOINT, closed_loop_time, model_of, reduced, reference_iae, reference_structure
@@ -147,7 +147,7 @@ def _by_integrals(event: Any, fit: Fit | None) -> tuple[float | None, float | No
     return (gain, t0) if math.isfinite(gain) else (None, None)
 
 
-def _against(loop: Loop, event: Any, fit: Fit | None, decided: bool) -> list[str]:
+def _against(loop: Loop, event: Any, fit: Fit | None, decided: bool) -> list[str]:  # noqa: C901 (one if for each reason)
     """Say why the evidence cannot carry a verdict; empty where it can."""
     reasons = []
     covered = coverage(event)

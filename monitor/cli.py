@@ -225,10 +225,10 @@ def _loops(loops: int | None, scenario: str | None, plant: Path | None, seed: in
     if sum(x is not None for x in (loops, scenario, plant)) > 1:
         raise Refused("--loops, --scenario, --plant: expected at most one of them")
     if plant is not None:
-        from sim_plants.plantfile import PlantFileError, read_plant_file
+        from sim_plants.plantfile import PlantFileError, load_plant_file
 
         try:
-            return read_plant_file(plant)
+            return load_plant_file(plant)
         except (PlantFileError, OSError) as error:
             raise Refused(str(error)) from None
     if loops is not None:

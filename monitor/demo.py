@@ -94,9 +94,8 @@ def _open() -> tuple[Any, str]:
 
 def _start_plant(demo: Demo, endpoint: str) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "monitor.cli", "simulate", *demo.simulate, "--connect", endpoint]
-    return subprocess.Popen(
-        command, start_new_session=True, env={**os.environ, "LOOPSIGHT_PARENT": str(os.getpid())}
-    )  # noqa: S603 (our own command)
+    environment = {**os.environ, "LOOPSIGHT_PARENT": str(os.getpid())}
+    return subprocess.Popen(command, start_new_session=True, env=environment)  # noqa: S603 (our own command)
 
 
 def _start_view(console: Console, demo: Demo, endpoint: str) -> Any:

@@ -19,8 +19,9 @@ from tuners.settings import Settings
 
 from .advise import Advice, Withheld, advise
 from .assess import Finding, assess_event, current_sensitivity, judge, model_fields
-from .detect import CLOSED, COUNTS, INTERRUPTED, STATES, Detector
+from .detect import Detector
 from .identify import Array, combine, contradictory, model_response
+from .kernel import CLOSED, COUNTS, STATES
 from .loops import FORMS, Loop, LoopTable
 from .records import (
     GOOD,
@@ -286,7 +287,7 @@ def _plain(settings: Settings) -> dict[str, float | None]:
 
 
 def _words(settings: Settings) -> str:
-    """Settings with units, as one says them."""
+    """Say settings with their units."""
     if settings.form == "parallel":
         return f"kp = {settings.kp:.4g}, ki = {settings.ki:.4g} /s, kd = {settings.kd:.4g} s"
     integral = f"ti = {settings.ti:.4g} s" if math.isfinite(float(settings.ti)) else "no integral action"
@@ -342,6 +343,3 @@ def _nothing_seen(state: Any) -> str:
     if state["manual_time"] > 0.5 * max(float(state["good_time"]), 1e-9):
         return "in manual"
     return "no set-point step was seen"
-
-
-__all__ = ["INTERRUPTED", "Engine", "canonical_form", "worst_first"]

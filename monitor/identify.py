@@ -9,17 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-jit: Any = numba.njit(cache=True, error_model="numpy")
+from .fitting import project, response, search
 
 Array = NDArray[np.float64]
-FILL, REFLECT, EXPAND, CONTRACT = range(4)
-"""Phases of the simplex search."""
 
 INTEGRATING, SELF_REGULATING = "integrating", "self-regulating"
 
@@ -132,7 +128,7 @@ def fit_window(window: Array, before: int, process: str) -> Fit | None:
     if not np.any(u) or np.ptp(y) == 0:
         return None
     kind = 0 if process == INTEGRATING else 1
-    best = _search(t, u, y, kind)
+    best = search(t, u, y, kind)
     if not np.isfinite(best[0]):
         return None
     return _fit_at(t, u, y, kind, best)
@@ -153,7 +149,7 @@ def _fit_at(t: Array, u: Array, y: Array, kind: int, best: Array) -> Fit | None:
     step = float(np.median(np.diff(t)))
     # lag and dead time are parts of T0: where the data cannot tell them apart, neither exceeds it by much
     prior = np.diag([1e-2, *[1.0 / (t0 + step) ** 2] * 2])
-    cov = np.linalg.inv(j.T @ j / (variance * len(t) / n_eff) + prior)
+    scatter = np.asarray(np.linalg.inv(j.T @ j / (variance * len(t) / n_eff) + prior), dtype=np.float64)
     time_floor = (FLOOR_TIME * max(dead_time, 0.3 * t0)) ** 2 + (STAMP * step) ** 2
     return Fit(
         process=INTEGRATING if kind == 0 else SELF_REGULATING,
@@ -161,7 +157,7 @@ def _fit_at(t: Array, u: Array, y: Array, kind: int, best: Array) -> Fit | None:
         lag=lag,
         dead_time=dead_time,
         lag2=lag2,
-        scatter=cov,
+        scatter=scatter,
         floor=np.array([FLOOR_LN_GAIN**2, time_floor, time_floor]),
         quality=1.0 - rss / spread,
         log_likelihood=-0.5 * n_eff * math.log(max(rss / len(t), 1e-24 * spread)),
@@ -225,7 +221,7 @@ def model_response(window: Array, before: int, fit: Fit) -> Array:
     t, y = np.ascontiguousarray(window[:, 0]), window[:, 2]
     u = np.ascontiguousarray(window[:, 3]) - np.mean(window[: max(before, 1), 3])
     kind = 0 if fit.process == INTEGRATING else 1
-    x = fit.gain * _response(t, u, kind, fit.dead_time, fit.lag, fit.lag2)
+    x = fit.gain * response(t, u, kind, fit.dead_time, fit.lag, fit.lag2)
     rest = np.polynomial.polynomial.polyfit(t, y - x, 1 if kind == 0 else 0)
     return np.asarray(x + np.polynomial.polynomial.polyval(t, rest), dtype=np.float64)
 
@@ -253,7 +249,7 @@ def _jacobian(t: Array, u: Array, y: Array, kind: int, best: Array) -> tuple[Arr
     dead_time, lag, lag2, gain = best[1:]
 
     def at(dead_time: float, lag: float) -> Array:
-        return np.asarray(gain * _project(_response(t, u, kind, dead_time, lag, lag2), t, kind))
+        return np.asarray(gain * project(response(t, u, kind, dead_time, lag, lag2), t, kind))
 
     here = at(dead_time, lag)
     # a secant of 5 %: at a lag of zero the tangents of lag and dead time coincide
@@ -261,239 +257,4 @@ def _jacobian(t: Array, u: Array, y: Array, kind: int, best: Array) -> tuple[Arr
     less_lag, less_dead = max(lag - step, 0.0), max(dead_time - step, 0.0)
     by_lag = (at(dead_time, lag + step) - at(dead_time, less_lag)) / (lag + step - less_lag)
     by_dead_time = (at(dead_time + step, lag) - at(less_dead, lag)) / (dead_time + step - less_dead)
-    return _project(y.copy(), t, kind) - here, np.column_stack([here, by_lag, by_dead_time])
-
-
-# ---------------------------------------------------------------------------------------------------
-# compiled from here on; kind 0 = integrating, 1 = self-regulating
-
-
-@jit
-def _lagged(t, u, tau):  # type: ignore[no-untyped-def]
-    """Response of 1/(tau s + 1) to the held input at the points themselves, from rest."""
-    z = np.zeros(len(t))
-    last, decay = -1.0, 0.0
-    for k in range(len(t) - 1):
-        dt = t[k + 1] - t[k]
-        if tau > 0.0:
-            if abs(dt - last) > 1e-9 * dt:  # an exponential costs more than all the rest
-                last, decay = dt, np.exp(-dt / tau)
-        else:
-            decay = 0.0
-        z[k + 1] = u[k] + (z[k] - u[k]) * decay
-    return z
-
-
-@jit
-def _response(t, u, kind, dead_time, lag, lag2):  # type: ignore[no-untyped-def]
-    """Response of the unit-gain model at the points: exact for held input, any dead time, uneven points."""
-    n = len(t)
-    x = np.zeros(n)
-    if kind == 1 and lag2 > 0.0 and abs(lag - lag2) < 1e-3 * lag:
-        lag2 = lag * (1.0 - 1e-3)  # the partial fractions below need two different lags
-    z1 = _lagged(t, u, lag)
-    z2 = _lagged(t, u, lag2) if kind == 1 and lag2 > 0.0 else z1
-    s = np.zeros(n)
-    for k in range(n - 1):
-        s[k + 1] = s[k] + u[k] * (t[k + 1] - t[k])
-    j = 0
-    last, e1, e2 = -1.0, 1.0, 1.0
-    for i in range(n):
-        at = t[i] - dead_time
-        if at <= t[0]:
-            continue
-        while j + 1 < n and t[j + 1] <= at:
-            j += 1
-        h = at - t[j]
-        if abs(h - last) > 1e-9 * (abs(h) + dead_time):
-            last = h
-            e1 = np.exp(-h / lag) if lag > 0.0 else 0.0
-            e2 = np.exp(-h / lag2) if lag2 > 0.0 else 0.0
-        a = u[j] + (z1[j] - u[j]) * e1
-        if kind == 0:  # the integral of a lag's output is the input's integral less tau times the output
-            x[i] = s[j] + u[j] * h - lag * a
-        elif lag2 > 0.0:
-            b = u[j] + (z2[j] - u[j]) * e2
-            x[i] = (lag * a - lag2 * b) / (lag - lag2)
-        else:
-            x[i] = a
-    return x
-
-
-@jit
-def _project(x, t, kind):  # type: ignore[no-untyped-def]
-    """Take mean (and, integrating, slope) out of a column, in place: c0 and c1 need no search."""
-    n = len(x)
-    x -= x.mean()
-    if kind == 0:
-        middle = t.mean()
-        top = bottom = 0.0
-        for i in range(n):
-            top += (t[i] - middle) * x[i]
-            bottom += (t[i] - middle) ** 2
-        slope = top / bottom
-        for i in range(n):
-            x[i] -= slope * (t[i] - middle)
-    return x
-
-
-@jit
-def _gain_and_rss(t, u, y, kind, dead_time, lag, lag2):  # type: ignore[no-untyped-def]
-    """Best gain and residual sum of squares at these times; ``y`` is projected already."""
-    x = _project(_response(t, u, kind, dead_time, lag, lag2), t, kind)
-    xx = xy = 0.0
-    for i in range(len(x)):
-        xx += x[i] * x[i]
-        xy += x[i] * y[i]
-    if xx <= 0.0:
-        return 0.0, np.inf
-    gain = xy / xx
-    rss = 0.0
-    for i in range(len(x)):
-        r = y[i] - gain * x[i]
-        rss += r * r
-    return gain, rss
-
-
-@jit
-def _search(t, u, y, kind):  # type: ignore[no-untyped-def]
-    """Best (rss, dead time, lag, lag2, gain): a coarse grid, then Nelder-Mead."""
-    py = _project(y.copy(), t, kind)
-    span = t[-1]
-    step = (t[-1] - t[0]) / len(t)
-    best = np.array([np.inf, 0.0, step, 0.0, 0.0])
-    m = 12
-    thin = max(len(t) // 200, 1)  # the grid only has to find the valley
-    tt, uu = _thinned(t, u, thin)
-    yy = _project(y[::thin].copy()[: len(tt)], tt, kind)
-    longest = span if kind == 1 else 0.5 * span
-    for a in range(m):
-        dead_time = 0.0 if a == 0 else step * (0.5 * span / step) ** ((a - 1) / (m - 1))
-        for b in range(m):
-            lag = 0.0 if b == 0 else step * (longest / step) ** ((b - 1) / (m - 1))
-            gain, rss = _gain_and_rss(tt, uu, yy, kind, dead_time, lag, 0.0)
-            if rss < best[0]:
-                best[0], best[1], best[2], best[4] = rss, dead_time, lag, gain
-    best[0] = np.inf
-    dim = 2 if kind == 0 else 3
-    for _ in range(2):  # a second start from the first one's end frees a collapsed simplex
-        best = _nelder_mead(t, u, py, kind, best, dim, step, longest)
-    return best
-
-
-@jit
-def _thinned(t, u, thin):  # type: ignore[no-untyped-def]
-    """Every thin-th point, OP as the mean over the points dropped."""
-    n = (len(t) + thin - 1) // thin
-    tt, uu = np.empty(n), np.empty(n)
-    for k in range(n):
-        tt[k] = t[k * thin]
-        end = min((k + 1) * thin, len(t) - 1)
-        area = 0.0
-        for j in range(k * thin, end):
-            area += u[j] * (t[j + 1] - t[j])
-        uu[k] = area / (t[end] - tt[k]) if t[end] > tt[k] else u[k * thin]
-    return tt, uu
-
-
-@jit
-def _cost(t, u, py, kind, p, longest):  # type: ignore[no-untyped-def]
-    """Residual sum of squares at p = (dead time, lag, lag2), folded to positive times and bounded."""
-    if abs(p[0]) > longest or abs(p[1]) > 20.0 * longest or abs(p[2]) > longest:
-        return np.inf
-    return _gain_and_rss(t, u, py, kind, abs(p[0]), abs(p[1]), abs(p[2]))[1]
-
-
-@jit
-def _nelder_mead(t, u, py, kind, start, dim, step, longest):  # type: ignore[no-untyped-def]
-    """Downhill simplex (Nelder & Mead 1965) in (dead time, lag[, lag2]).
-
-    Written with scalars and one place that evaluates the cost: array expressions and copies of the inlined
-    cost would take most of the time that compiling takes.
-    """
-    points = np.zeros((dim + 1, 3))
-    values = np.zeros(dim + 1)
-    centre, trial, kept = np.zeros(3), np.zeros(3), np.zeros(3)
-    scale = 0.2 * (start[1] + start[2]) + 0.2 * step
-    for k in range(dim + 1):
-        for m in range(3):
-            points[k, m] = start[1 + m] + (scale if k == m + 1 else 0.0)
-    at, phase, kept_value = 0, FILL, 0.0  # `at`: the vertex that is evaluated while the simplex is (re)filled
-    for _ in range(200):
-        if phase == FILL:
-            _toward(trial, points[at], points[at], 0.0)
-        value = _cost(t, u, py, kind, trial, longest)
-        if phase == FILL:
-            values[at] = value
-            at += 1
-            if at <= dim:
-                continue
-        elif phase == REFLECT and value < values[0]:
-            _toward(kept, trial, trial, 0.0)
-            kept_value = value
-            _toward(trial, centre, points[dim], -2.0)
-            phase = EXPAND
-            continue
-        elif phase == REFLECT and value >= values[dim - 1]:
-            _toward(kept, points[dim], points[dim], 0.0)
-            if value < values[dim]:
-                _toward(kept, trial, trial, 0.0)
-            _toward(trial, centre, kept, 0.5)
-            phase = CONTRACT
-            continue
-        elif phase == EXPAND and value >= kept_value:
-            _toward(points[dim], kept, kept, 0.0)
-            values[dim] = kept_value
-        elif phase == CONTRACT and value >= values[dim]:
-            for k in range(1, dim + 1):
-                _toward(points[k], points[0], points[k], 0.5)
-            at, phase = 1, FILL
-            continue
-        else:
-            _toward(points[dim], trial, trial, 0.0)
-            values[dim] = value
-        _sort(points, values)
-        if values[dim] - values[0] <= 1e-10 * values[0] or _size(points) < 1e-7 * step:
-            break
-        for m in range(3):
-            centre[m] = 0.0
-            for k in range(dim):
-                centre[m] += points[k, m] / dim
-        _toward(trial, centre, points[dim], -1.0)
-        phase = REFLECT
-    _sort(points, values)
-    out = np.empty(5)
-    for m in range(3):
-        out[1 + m] = abs(points[0, m])
-    if out[3] > out[2]:
-        out[2], out[3] = out[3], out[2]
-    out[4], out[0] = _gain_and_rss(t, u, py, kind, out[1], out[2], out[3])
-    return out
-
-
-@jit
-def _toward(out, a, b, share):  # type: ignore[no-untyped-def]
-    """``out = a + share (b - a)``."""
-    for m in range(3):
-        out[m] = a[m] + share * (b[m] - a[m])
-
-
-@jit
-def _size(points):  # type: ignore[no-untyped-def]
-    """Largest distance, in any coordinate, of the worst point from the best."""
-    far = 0.0
-    for m in range(3):
-        far = max(far, abs(points[-1, m] - points[0, m]))
-    return far
-
-
-@jit
-def _sort(points, values):  # type: ignore[no-untyped-def]
-    """Sort the vertices by value, in place (insertion: there are three or four)."""
-    for k in range(1, len(values)):
-        j = k
-        while j > 0 and values[j - 1] > values[j]:
-            values[j - 1], values[j] = values[j], values[j - 1]
-            for m in range(3):
-                points[j - 1, m], points[j, m] = points[j, m], points[j - 1, m]
-            j -= 1
+    return project(y.copy(), t, kind) - here, np.column_stack([here, by_lag, by_dead_time])

@@ -305,7 +305,8 @@ def _rows(path: Path) -> list[tuple[int, dict[str, Any]]]:
     if path.suffix == ".parquet":
         import pandas as pd  # noqa: PLC0415 (half a second, only for this format)
 
-        return [(n, dict(r)) for n, r in enumerate(pd.read_parquet(path).to_dict("records"), 1)]
+        records = pd.read_parquet(path).to_dict("records")
+        return [(n, {str(k): v for k, v in r.items()}) for n, r in enumerate(records, 1)]
     with path.open(encoding="utf-8-sig", newline="") as file:
         head = file.readline()
         file.seek(0)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .detect import jit
+from .kernel import jit
 from .samples import UNCERTAIN, Samples
 from .wire import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_SP
 
@@ -86,7 +86,7 @@ def _samples(entries: NDArray[Any]) -> Samples:
 
 
 @jit
-def _push(state, held, entries, window, arrival, out):  # type: ignore[no-untyped-def]
+def _push(state, held, entries, window, arrival, out):
     """Sort entries in and release what is due; return (samples, late entries)."""
     n = late = 0
     for k in range(len(entries)):
@@ -112,7 +112,7 @@ def _push(state, held, entries, window, arrival, out):  # type: ignore[no-untype
 
 
 @jit
-def _release(state, held, rows, out):  # type: ignore[no-untyped-def]
+def _release(state, held, rows, out):
     n = 0
     for i in rows:
         s = state[i]
@@ -121,18 +121,18 @@ def _release(state, held, rows, out):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _after(a, b):  # type: ignore[no-untyped-def]
+def _after(a, b):
     """Whether a held entry belongs behind a new one; of equals the first to come stays first."""
     return a.time > b.time or (a.time == b.time and a.kind > b.kind)
 
 
 @jit
-def _has_value(x):  # type: ignore[no-untyped-def]
+def _has_value(x):
     return x.kind == TAG_AUTO or not (np.isnan(x.sp) and np.isnan(x.pv) and np.isnan(x.op))
 
 
 @jit
-def _let_go(s, held, i, until, out, n):  # type: ignore[no-untyped-def]
+def _let_go(s, held, i, until, out, n):
     """Release entries up to a time, composing tags to samples; return the number of samples in ``out``."""
     k = 0
     while k < s.count and held[i, k].time <= until:

@@ -81,7 +81,7 @@ RULE = {"p": "simc-p", "pi": "simc-pi", "pid": "simc-pid", "pd": "simc-pd"}
 """Name of each structure's rule, as in ``loopsight tune --list`` (``simc-p``: ``simc-pd`` without its lead)."""
 
 
-def reference_iae(
+def reference_iae(  # noqa: PLR0911 (one return for each formula)
     kind: str, size: float, model: Model, structure: str, tc: float, b: float = 1.0, c: float = 1.0
 ) -> float:
     """Return the IAE [PV s] of the reference after a step of ``size`` (PV for a set-point, OP for a load step).

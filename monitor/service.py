@@ -198,7 +198,7 @@ class Service:
                     said.keep(self.store)
         except StoreError as error:
             if self.ready:
-                log.error("store: %s; assessment goes on, nothing is published until it is back", error)
+                log.error("store: %s; nothing is published until it is back", error)  # noqa: TRY400 (one line)
             self.ready = False
             return
         if not self.ready:

@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 
 from .adapters.zenoh_bus import ask, open_session
+from .records import WORST_FIRST
 
 PATIENCE = 3.0
 """How long monitors may take to answer [s]."""
@@ -42,11 +43,12 @@ def _lines(answer: dict[str, Any]) -> list[str]:
     loops = answer["loops"]
     refused = ", ".join(f"{answer[n]} {n.replace('_', ' ')}" for n in REFUSED if answer.get(n))
     unknown = ", ".join(answer.get("unknown", {}))
+    rates = answer["rates"]
+    verdicts = ", ".join(f"{loops[v]} {v.replace('_', ' ')}" for v in WORST_FIRST)
     lines = [
         f"monitor {answer['id']}: {'ready' if answer['ready'] else 'NOT READY (store)'}, up {answer['uptime']:.0f} s",
-        f"  loops     {loops['total']}: {loops['retune']} retune, {loops['inconclusive']} inconclusive, "
-        f"{loops['good']} good, {loops['not_assessed']} not assessed; {loops['open']} events open, {loops['stale']} stale",
-        f"  samples   {answer['samples_ok']} good, {answer['rates']['samples']}/s in {answer['rates']['messages']} messages/s",
+        f"  loops     {loops['total']}: {verdicts}; {loops['open']} events open, {loops['stale']} stale",
+        f"  samples   {answer['samples_ok']} good, {rates['samples']}/s in {rates['messages']} messages/s",
         f"  refused   {refused or 'nothing'}",
         f"  waiting   {answer['queue']} messages, {answer['held']} samples held for order, {answer['backlog']} events",
         f"  flagged   {', '.join(answer['flagged']) or 'none'}",

@@ -248,7 +248,7 @@ class Decoder:
         names = column.dictionary.to_pylist()
         found = np.array([self._named(n) for n in names] + [-1], np.int32)
         codes = column.indices.fill_null(len(names)).to_numpy(zero_copy_only=False)
-        rows = found[codes]
+        rows = np.asarray(found[codes], dtype=np.int32)
         if (rows < 0).any():
             for code, n in zip(*np.unique(codes[rows < 0], return_counts=True), strict=True):
                 self._not_known(str(names[code]) if code < len(names) else "", int(n))
@@ -301,7 +301,7 @@ def time_of(value: float | str | None, default: int) -> int:
 
 
 def _number(value: Any) -> float:
-    """A value that came as text or not at all is a missing one: the gateway's "Bad Input"."""
+    """Return a number; text (the gateway's "Bad Input") and nothing are a missing value."""
     return float(value) if isinstance(value, int | float) else math.nan
 
 

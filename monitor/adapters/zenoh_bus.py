@@ -114,7 +114,7 @@ class Question:
     def __init__(self, query: Any) -> None:
         self._query = query
         self.key = str(query.key_expr)
-        self.parameters = {str(k): str(v) for k, v in _pairs(query.parameters)}
+        self.parameters = _parameters(str(query.parameters))
         payload = query.payload
         self.payload = b"" if payload is None else payload.to_bytes()
 
@@ -132,13 +132,14 @@ class Question:
             return
 
 
-def _pairs(parameters: Any) -> list[tuple[Any, Any]]:
-    text = str(parameters)
-    return [tuple(part.partition("=")[::2]) for part in text.split(";") if part]
+def _parameters(text: str) -> dict[str, str]:
+    """Read ``name=value;name=value``."""
+    parts = (part.partition("=") for part in text.split(";") if part)
+    return {name: value for name, _, value in parts}
 
 
 class Bus:
-    """A monitor's session: what it hears goes to a ring, what it is asked to a list, what it says under one prefix.
+    """A monitor's session: hears into a ring, is asked into a list, speaks under one prefix.
 
     Parameters
     ----------
@@ -205,11 +206,8 @@ def _nanoseconds(when: datetime) -> int:
 
 def ask(session: Any, key: str, seconds: float) -> list[tuple[str, bytes]]:
     """Return the replies (key, payload) to a query; a refusal or a time-out is no reply."""
-    replies = []
-    for reply in session.get(key, timeout=seconds):
-        if reply.ok is not None:
-            replies.append((str(reply.ok.key_expr), reply.ok.payload.to_bytes()))
-    return replies
+    answers = (reply.ok for reply in session.get(key, timeout=seconds))
+    return [(str(a.key_expr), a.payload.to_bytes()) for a in answers if a is not None]
 
 
 def plant_put(session: Any) -> Callable[[str, bytes], None]:

@@ -1,0 +1,525 @@
+"""The compiled streaming kernel: one sample of one loop at a time, in O(1) memory and a few additions.
+
+The same function serves a live frame (many loops, one sample each) and an audit (one loop, a million
+samples); nothing in it depends on how the samples were batched. Types are inferred by numba.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from .samples import GOOD, UNCERTAIN
+
+jit: Any = numba.njit(cache=True, error_model="numpy")
+"""Compiled, cached on disk; 0/0 is NaN as in NumPy."""
+
+WARM_UP = 20
+"""Quiet samples before a baseline is trusted: the mean of 20 has 0.22 of one sample's noise."""
+RING = 64
+"""Samples kept from before an event: baseline for the fit, and the picture's left margin."""
+LEAST_BEFORE = 8
+"""Samples of the window from before the onset, even where the loop was not at rest."""
+WINDOW = 1024
+"""Points of an event's window; when full, every second one is dropped."""
+MAX_GAP = 3.5
+"""Sample periods; above it nothing is integrated across (three periods and jitter)."""
+STEP_MOVES = 5
+"""A set point that moves for more samples than these is a ramp or a cascade's, not a step smeared by a historian."""
+STEP_REST = 3
+"""Periods for which a set point must rest before its move counts as finished."""
+RAMP_REST = 20
+"""Periods for which a moving set point must rest before the loop is looked at again."""
+AWAY = 500
+"""Samples outside its band after which a loop's baseline begins anew."""
+TIMEOUT = 10_000
+"""Periods after which an event is given up."""
+SHORT = 0.2
+"""Weight of the short average of the error, per period (about five samples)."""
+LONG = 0.002
+"""Weight of its long-run mean and variance (about 500 samples)."""
+BASE = 0.005
+"""Weight of the baseline's PV and OP (about 200 samples)."""
+TOO_LARGE = 1e30
+"""A magnitude that no plant has: a gateway's placeholder."""
+
+WARMING, QUIET, CANDIDATE, EVENT, MOVING = range(5)
+DROP, CONFIRM, DONE, CUT, BEGIN = 1, 2, 4, 8, 16
+"""What to do with a loop's window: forget it, report it open, hand it out (with or without this sample), open one."""
+OPENED, CLOSED = 1, 2
+SETTLED, INTERRUPTED, TIMED_OUT = "settled", "interrupted", "timeout"
+STATES = ("", SETTLED, INTERRUPTED, TIMED_OUT)
+CAUSES = ("", "the set point moved again", "a gap in the data", "a change to manual", "the end of the data")
+BY_STEP, BY_GAP, BY_MODE, BY_END = range(1, 5)
+
+COUNTS = ("ok", "uncertain", "bad_value", "bad_quality", "duplicate", "conflict", "late")
+"""What became of a sample; `ok` includes `uncertain`, `duplicate` includes `conflict`."""
+
+_f, _i = np.float64, np.int64
+_INTEGRALS = [(name, _f) for name in ("s1", "s2", "s3", "y1", "y2", "iae", "iae_noise", "good", "saturated")]
+_BASELINE = [(name, _f) for name in ("pv0", "op0", "sd_e", "noise")]
+
+PARAM = np.dtype([("period", _f), ("pv_min", _f), ("pv_max", _f), ("op_low", _f), ("op_high", _f)])
+
+STATE = np.dtype(
+    [
+        *[(n, _i) for n in ("phase", "time", "seen", "warm", "based", "away", "ringed", "slot", "auto")],
+        *[(n, _f) for n in ("sp", "pv", "op", "dpv", "period")],
+        *[
+            (n, _f)
+            for n in ("mean_e", "var_e", "abs_e", "short", "mean_s", "var_s", "mean_pv", "mean_op", "var_d")
+        ],
+        ("quantum", _f),
+        # the set point's move
+        *[(n, _i) for n in ("moved", "moves")],
+        ("sp_from", _f),
+        # the open event
+        *[
+            (n, _i)
+            for n in (
+                "onset",
+                "still",
+                "end",
+                "end_state",
+                "end_cause",
+                "points",
+                "before",
+                "stride",
+                "skipped",
+            )
+        ],
+        *[(n, _f) for n in ("amplitude", "held", "low", "high", "sum_e", "sum_t", "quiet")],
+        *_INTEGRALS,
+        *_BASELINE,
+        # the loop's life
+        *[(n, _f) for n in ("wall_time", "good_time", "manual_time", "limit_time", "travel")],
+        ("events", _i),
+        *[(n, _i) for n in COUNTS],
+    ]
+)
+
+OUT = np.dtype(
+    [
+        *[
+            (n, _i)
+            for n in ("what", "loop", "state", "cause", "slot", "points", "before", "onset", "end", "number")
+        ],
+        *[(n, _f) for n in ("amplitude", "wall", "quiet", "offset", "period", "sp_from", "quantum")],
+        *_INTEGRALS,
+        *_BASELINE,
+    ]
+)
+
+
+@jit
+def run(state, param, ring, ring_time, slab, free, n_free, out, loop, time, sp, pv, op, auto, quality, at):
+    """Run from sample ``at`` until the samples or the room for events end; return (next sample, events).
+
+    What concerns one loop's numbers happens in `_step`, which says what is to be done with its window: so the
+    quiet sample, which is nearly every one, touches nothing else.
+    """
+    n = 0
+    for k in range(at, len(time)):
+        # one sample closes one event, opens another, and takes one slot, at most
+        if n + 2 > len(out) or n_free[0] == 0:
+            return k, n
+        i = loop[k]
+        s = state[i]
+        if not _accept(s, param[i], time[k], sp[k], pv[k], op[k], quality[k]):
+            continue
+        act = _step(s, param[i], time[k], sp[k], pv[k], op[k], auto[k])
+        if s.slot >= 0 and not act & (CUT | DROP):
+            _append(s, slab, time[k], sp[k], pv[k], op[k])
+        if act:
+            n = _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time[k], sp[k])
+            if act & BEGIN:
+                _append(s, slab, time[k], sp[k], pv[k], op[k])
+        _keep(s, time[k], sp[k], pv[k], op[k], auto[k])
+        j = s.ringed & (RING - 1)
+        ring_time[i, j] = time[k]
+        ring[i, j, 0], ring[i, j, 1], ring[i, j, 2] = sp[k], pv[k], op[k]
+        s.ringed += 1
+        # often at first, then once a turn: a gateway that changes its rate is followed
+        if param[i].period == 0 and (s.ringed & (RING - 1) == 0 or s.ringed in {8, 16, 32}):
+            s.period = _median_step(ring_time, i, s.ringed)
+    return len(time), n
+
+
+@jit
+def _accept(s, p, time, sp, pv, op, quality):
+    """Count a sample; True if it is good and newer than the loop's last."""
+    if s.seen > 0 and time <= s.time:
+        if time == s.time:
+            s.duplicate += 1
+            if pv != s.pv or sp != s.sp or op != s.op:
+                s.conflict += 1
+        else:
+            s.late += 1
+        return False
+    if quality < UNCERTAIN:
+        s.bad_quality += 1
+        return False
+    ok = p.pv_min < pv < p.pv_max and p.pv_min < sp < p.pv_max and abs(op) < TOO_LARGE
+    if not ok:  # also NaN
+        s.bad_value += 1
+        return False
+    s.ok += 1
+    if quality < GOOD:
+        s.uncertain += 1
+    return True
+
+
+@jit
+def _step(s, p, time, sp, pv, op, auto):
+    """Take in one good sample; return what to do with the loop's window, as a sum of actions."""
+    if s.seen == 0:
+        _restart(s, sp, pv)
+        return 0
+    dt = (time - s.time) * 1e-9
+    gap = s.period > 0 and dt > MAX_GAP * s.period
+    _live(s, p, dt, gap, op)
+    if gap or not auto or not s.auto:
+        act = 0
+        if s.phase == CANDIDATE:
+            act = DROP  # a set-point move that was cut off before it was confirmed
+        elif s.phase == EVENT:
+            _end(s, 2, BY_GAP if gap else BY_MODE, s.time)
+            act = CUT
+        _restart(s, sp, pv)
+        return act
+    if s.slot >= 0:
+        _integrate(s, p, dt, pv)
+    s.short += _weight(dt, s.period) * (sp - pv - s.short)
+    # a set point is free of noise; what moves less than 2 % of the error's noise is rounding or display
+    moved = sp != s.sp and abs(sp - s.sp) > 1e-9 * abs(sp) + 0.02 * np.sqrt(s.var_e)
+    if s.phase <= QUIET:
+        if moved and s.period > 0:
+            return BEGIN
+        _listen(s, sp - pv, pv, op)
+        return 0
+    return _follow(s, time, dt, sp, pv, moved)
+
+
+@jit
+def _keep(s, time, sp, pv, op, auto):
+    """Make this sample the last one."""
+    d = pv - s.pv
+    if s.seen > 0 and d != 0.0 and (s.quantum == 0.0 or abs(d) < s.quantum):
+        s.quantum = abs(d)
+    s.dpv = d
+    s.time, s.sp, s.pv, s.op, s.auto = time, sp, pv, op, 1 if auto else 0
+    s.seen += 1
+
+
+@jit
+def _live(s, p, dt, gap, op):
+    """Account for the time since the last sample."""
+    s.wall_time += dt
+    if gap:
+        return
+    # a missed sample is bridged, but does not count as covered
+    s.good_time += dt if s.period == 0 else min(dt, 1.5 * s.period)
+    if not s.auto:
+        s.manual_time += dt
+    if s.op <= p.op_low or s.op >= p.op_high:
+        s.limit_time += dt
+    if s.seen > 0:
+        s.travel += abs(op - s.op)
+
+
+@jit
+def _restart(s, sp, pv):
+    """Begin anew after a gap, a mode change, or at the loop's first sample."""
+    s.phase = WARMING
+    s.warm = s.based = s.away = s.ringed = 0
+    s.mean_e = s.var_e = s.abs_e = s.var_s = s.var_d = 0.0
+    s.short = s.mean_s = sp - pv
+    s.quantum = 0.0
+
+
+@jit
+def _median_step(ring_time, i, ringed):
+    """Sample period where none is given: the median step between the ring's times [s]."""
+    m = min(ringed, RING)
+    steps = np.empty(m - 1)
+    for j in range(m - 1):
+        steps[j] = (ring_time[i, (ringed - m + j + 1) % RING] - ring_time[i, (ringed - m + j) % RING]) * 1e-9
+    return np.median(steps)
+
+
+@jit
+def _follow(s, time, dt, sp, pv, moved):  # noqa: PLR0911 (a return for each thing that can happen)
+    """Move an eventful phase on by one sample; return what to do."""
+    if s.phase == MOVING:
+        if moved:
+            s.moved = time
+        elif (time - s.moved) * 1e-9 > RAMP_REST * s.period:
+            _settle_down(s)
+        return 0
+    if s.phase == EVENT:
+        if abs(sp - s.held) > 0.02 * abs(s.amplitude):
+            _end(s, 2, BY_STEP, time)
+            return CUT | BEGIN
+        return DONE if _lies_still(s, time, dt, sp - pv) else 0
+    if moved:
+        s.moved = time
+        s.moves += 1
+        if s.moves > STEP_MOVES:
+            s.phase = MOVING
+            return DROP
+        return 0
+    if (time - s.moved) * 1e-9 <= (STEP_REST - 0.5) * s.period:
+        return 0
+    s.amplitude = sp - s.sp_from
+    if abs(s.amplitude) > max(3.0 * s.sd_e, 1e-9 * abs(sp)):
+        return CONFIRM
+    s.phase = QUIET  # the set point moved, but within the noise
+    return DROP
+
+
+@jit
+def _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time, sp):
+    """Do with the window what `_step` asked for; return the number of events in ``out``."""
+    if act & DROP:
+        _drop(s, free, n_free)
+    if act & CONFIRM:
+        n = _confirm(s, out, n, i, time, sp)
+    if act & (CUT | DONE):
+        n = _close(s, out, n, i)
+    if act & BEGIN:
+        _begin(s, ring, ring_time, slab, free, n_free, i, time)
+    return n
+
+
+@jit
+def _end(s, state, cause, time):
+    s.end_state, s.end_cause, s.end = state, cause, time
+
+
+@jit
+def _weight(dt, period):
+    """Weight of the short average over ``dt``: two missed samples weigh as two."""
+    if period <= 0 or abs(dt - period) < 1e-3 * period:
+        return SHORT  # the power costs as much as all the rest
+    return 1.0 - (1.0 - SHORT) ** (dt / period)
+
+
+@jit
+def _listen(s, e, pv, op):
+    """Update the baseline of a quiet loop.
+
+    Values outside three sigma do not count (they are the disturbance, not the noise). A loop that stays
+    outside is one whose level or noise has changed: after a while its baseline begins anew.
+    """
+    known = s.warm > WARM_UP
+    away = abs(s.short - s.mean_s) > 5.0 * np.sqrt(s.var_s) + 0.5 * s.quantum
+    if known and away:
+        s.away += 1
+        s.based = 0
+        if s.away > AWAY:
+            s.warm = 0
+        return
+    s.away = 0
+    s.warm += 1
+    if s.warm == 1:
+        s.mean_e, s.mean_s, s.short, s.abs_e = e, e, e, abs(e)
+        s.var_e = s.var_s = s.var_d = 0.0
+    w = max(1.0 / s.warm, LONG)
+    d = e - s.mean_e
+    if not known or d * d <= 9.0 * s.var_e or s.var_e == 0.0:
+        s.mean_e += w * d
+        s.var_e += w * (d * d - s.var_e)
+        s.abs_e += w * (abs(e) - s.abs_e)
+    d = s.short - s.mean_s
+    s.mean_s += w * d
+    s.var_s += w * (d * d - s.var_s)
+    # second differences see noise and hardly any process: var = 6 sigma^2 for white noise
+    d = pv - s.pv - s.dpv
+    if s.warm > 2 and (not known or d * d <= 16.0 * s.var_d or s.var_d == 0.0):
+        s.var_d += w * (d * d - s.var_d)
+    s.based += 1
+    w = max(1.0 / s.based, BASE)
+    if s.based == 1:
+        s.mean_pv, s.mean_op = pv, op
+    s.mean_pv += w * (pv - s.mean_pv)
+    s.mean_op += w * (op - s.mean_op)
+    if s.phase == WARMING and s.based >= WARM_UP:
+        s.phase = QUIET
+
+
+@jit
+def _settle_down(s):
+    """Wait for a new baseline; what is known of the noise stays."""
+    s.phase = WARMING
+    s.based = 0
+
+
+@jit
+def _begin(s, ring, ring_time, slab, free, n_free, i, time):
+    """Open a window for a set point that has begun to move; the integrals start here."""
+    s.phase = CANDIDATE
+    s.moves = 1
+    s.moved = s.onset = time
+    s.sp_from = s.sp
+    n_free[0] -= 1
+    s.slot = free[n_free[0]]
+    s.s1 = s.s2 = s.s3 = s.y1 = s.y2 = s.iae = s.iae_noise = s.good = s.saturated = 0.0
+    based = s.based >= WARM_UP // 2
+    s.pv0 = s.mean_pv if based else s.pv
+    s.op0 = s.mean_op if based else s.op
+    s.sd_e, s.noise = np.sqrt(s.var_e), np.sqrt(s.var_d / 6.0)
+    s.quiet = 1.0 if s.based >= WARM_UP else 0.0
+    # what lies before the loop came to rest belongs to another event
+    m = min(s.ringed, RING, max(s.based, LEAST_BEFORE))
+    w = slab[s.slot]
+    for j in range(m):
+        k = (s.ringed - m + j) % RING
+        w[j, 0] = (ring_time[i, k] - time) * 1e-9
+        w[j, 1], w[j, 2], w[j, 3] = ring[i, k, 0], ring[i, k, 1], ring[i, k, 2]
+    s.points = s.before = m
+    s.stride = 1
+    s.skipped = 0
+
+
+@jit
+def _confirm(s, out, n, i, time, sp):
+    """Report that an event has opened: the set point rests at a new level."""
+    s.phase = EVENT
+    s.events += 1
+    s.held = sp
+    s.still = time
+    s.low = s.high = s.short
+    s.sum_e = s.sum_t = 0.0
+    o = out[n]
+    o.what, o.loop, o.state, o.cause, o.slot, o.points = OPENED, i, 0, 0, -1, 0
+    o.onset, o.end, o.number, o.amplitude, o.period = s.onset, s.onset, s.events, s.amplitude, s.period
+    return n + 1
+
+
+@jit
+def _drop(s, free, n_free):
+    free[n_free[0]] = s.slot
+    n_free[0] += 1
+    s.slot = -1
+
+
+@jit
+def _integrate(s, p, dt, pv):
+    """Carry the running integrals over one sample (set-point and load forms share them).
+
+    OP is held: left rectangles; PV and the integrals of integrals: trapezoids. SP is held as well, so the
+    error's trapezoid ends with the old set point.
+    """
+    u = s.op - s.op0
+    y_old, y_new = s.pv - s.pv0, pv - s.pv0
+    s1 = s.s1 + u * dt
+    s2 = s.s2 + 0.5 * (s.s1 + s1) * dt
+    s.s3 += 0.5 * (s.s2 + s2) * dt
+    s.s1, s.s2 = s1, s2
+    y1 = s.y1 + 0.5 * (y_old + y_new) * dt
+    s.y2 += 0.5 * (s.y1 + y1) * dt
+    s.y1 = y1
+    area = 0.5 * (abs(s.sp - s.pv) + abs(s.sp - pv)) * dt
+    s.iae += area
+    if abs(s.short - s.mean_e) < 2.0 * s.sd_e:  # nothing but noise is left here
+        s.iae_noise += min(area, s.abs_e * dt)
+    s.good += dt if s.period == 0 else min(dt, 1.5 * s.period)
+    if s.op <= p.op_low or s.op >= p.op_high:
+        s.saturated += dt
+
+
+@jit
+def _append(s, slab, time, sp, pv, op):
+    """Put the sample into the window; OP of a skipped sample goes, by time, into the last point's mean."""
+    w = slab[s.slot]
+    t = (time - s.onset) * 1e-9
+    last = s.points - 1
+    if s.skipped > 0:
+        # w[last, 3] holds the mean OP from the last point to s.time; s.op was held since
+        before = (s.time - s.onset) * 1e-9 - w[last, 0]
+        whole = t - w[last, 0]
+        w[last, 3] = (w[last, 3] * before + s.op * (whole - before)) / whole
+    s.skipped += 1
+    if s.skipped < s.stride:
+        return
+    s.skipped = 0
+    if s.points == WINDOW:
+        _halve(s, w, t)
+    k = s.points
+    w[k, 0], w[k, 1], w[k, 2], w[k, 3] = t, sp, pv, op
+    s.points += 1
+
+
+@jit
+def _halve(s, w, t_next):
+    """Drop every second point; OP becomes the mean over both, so that its integral stays exact."""
+    for k in range(WINDOW // 2):
+        a, b = 2 * k, 2 * k + 1
+        end = w[b + 1, 0] if b + 1 < WINDOW else t_next
+        first, second = w[b, 0] - w[a, 0], end - w[b, 0]
+        mean = (w[a, 3] * first + w[b, 3] * second) / (first + second)
+        w[k, 0], w[k, 1], w[k, 2], w[k, 3] = w[a, 0], w[a, 1], w[a, 2], mean
+    s.points = WINDOW // 2
+    s.before //= 2
+    s.stride *= 2
+
+
+@jit
+def _lies_still(s, time, dt, e):
+    """Whether the event is over: the error's short average has lain still for half as long as it moved, or time is up.
+
+    Away from zero (no integral action, saturation, or just a flat top) it has to lie four times as long.
+    """
+    size = abs(s.amplitude)
+    # the band of the short average when quiet; where that is not well known, 2 % of the step or white noise's
+    band = min(6.0 * np.sqrt(s.var_s), max(0.02 * size, 2.0 * s.noise))
+    band = max(band, 0.5 * min(s.quantum, size), 1e-4 * size)
+    s.low, s.high = min(s.low, s.short), max(s.high, s.short)
+    s.sum_e += e * dt
+    s.sum_t += dt
+    if s.high - s.low > 2.0 * band:
+        s.still = time
+        s.low = s.high = s.short
+        s.sum_e = s.sum_t = 0.0
+    rest = (time - s.still) * 1e-9
+    busy = (s.still - s.onset) * 1e-9
+    patience = 1.0 if abs(s.sum_e) <= 2.0 * band * s.sum_t else 4.0
+    if rest >= patience * max(WARM_UP * s.period, 0.5 * busy):
+        _end(s, 1, 0, time)
+        return True
+    if rest + busy > TIMEOUT * s.period:
+        _end(s, 3, 0, time)
+        return True
+    return False
+
+
+@jit
+def _close(s, out, n, i):
+    """Hand the event out; its slot is freed by whoever copies the window."""
+    _settle_down(s)
+    o = out[n]
+    o.what, o.loop, o.state, o.cause, o.slot = CLOSED, i, s.end_state, s.end_cause, s.slot
+    o.points, o.before, o.onset, o.end, o.number = s.points, s.before, s.onset, s.end, s.events
+    o.amplitude, o.quiet, o.period, o.sp_from = s.amplitude, s.quiet, s.period, s.sp_from
+    o.wall = (s.end - s.onset) * 1e-9
+    o.offset = s.sum_e / s.sum_t if s.sum_t > 0 else s.short
+    o.s1, o.s2, o.s3, o.y1, o.y2 = s.s1, s.s2, s.s3, s.y1, s.y2
+    o.iae, o.iae_noise, o.good, o.saturated = s.iae, s.iae_noise, s.good, s.saturated
+    o.pv0, o.op0, o.sd_e, o.noise, o.quantum = s.pv0, s.op0, s.sd_e, s.noise, s.quantum
+    s.slot = -1
+    return n + 1
+
+
+@jit
+def flush(state, free, n_free, out, i):
+    """Close a loop's open event, because the data end; return the number of events in ``out``."""
+    s = state[i]
+    if s.phase == CANDIDATE:
+        _drop(s, free, n_free)
+        _settle_down(s)
+    if s.phase != EVENT:
+        return 0
+    _end(s, 2, BY_END, s.time)
+    return _close(s, out, 0, i)

@@ -5,6 +5,7 @@ It is a client of the monitor's Zenoh session and may stall or die without the m
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import signal
@@ -20,6 +21,7 @@ import click
 
 if TYPE_CHECKING:
     from monitor.adapters.rerun_process import RerunProcess
+    from monitor.adapters.rerun_view import Picture
 
 ENDPOINT = "tcp/127.0.0.1:7447"
 TICK = 0.25
@@ -274,32 +276,36 @@ def _watch(
 ) -> None:
     """Show the monitor at ``endpoint`` until stopped, or until the viewer has been closed."""
     viewer = _viewer(how)
-    session = None
-    try:
+    with contextlib.ExitStack() as ending:
+        if viewer is not None:
+            ending.callback(viewer.stop)
         session = _session(endpoint)
+        ending.callback(session.close)  # with a callback left open the interpreter would not end
         if event:
             _check_event(session, event)
-        _draw(session, event, viewer, save, browser, stop)
-    finally:
-        if session is not None:
-            session.close()  # with a callback left open the interpreter would not end
-        if viewer is not None:
-            viewer.stop()
+        from monitor.adapters import rerun_view  # noqa: PLC0415
+
+        recording = rerun_view.open_recording(viewer.proxy if viewer else None, save)
+        try:
+            _draw(session, event, viewer, rerun_view.Picture(recording), browser, stop)
+        finally:
+            stop.set()
+            rerun_view.flush_recording(recording)
+            ending.close()  # the viewer first: closing waits for one that is stuck, and the file would suffer
+            rerun_view.close_recording(recording)
 
 
 def _draw(
     session: Any,
     event: str | None,
     viewer: RerunProcess | None,
-    save: Path | None,
+    picture: Picture,
     browser: bool,
     stop: _Stop,
 ) -> None:
-    from monitor.adapters import rerun_view  # noqa: PLC0415
     from monitor.view_feed import Feed  # noqa: PLC0415
 
-    recording = rerun_view.open_recording(viewer.proxy if viewer else None, save)
-    feed = Feed(session, rerun_view.Picture(recording))
+    feed = Feed(session, picture)
     try:
         if event:
             feed.pin(event)
@@ -313,9 +319,7 @@ def _draw(
                 break
     finally:
         feed.close()
-        stop.set()
         feed.tick()  # what had come by the end belongs to the recording
-        rerun_view.close_recording(recording)
 
 
 def _check_event(session: Any, event: str) -> None:

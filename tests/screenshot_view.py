@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent.parent)]
+sys.path[:0] = [str(Path(__file__).parent / "monitor"), str(Path(__file__).parent.parent)]
 
 from fake_monitor import FakeMonitor, demo_loops  # noqa: E402
 

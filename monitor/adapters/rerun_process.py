@@ -97,8 +97,13 @@ class RerunProcess:
         """Telemetry off for this child alone; the user's own choice for Rerun stays as it is."""
         folder = Path(self._settings.name) / "rerun"
         folder.mkdir()
-        off = {"analytics_enabled": False, "analytics_id": "", "metadata": {}}
-        (folder / "analytics.json").write_text(json.dumps(off))
+        file = folder / "analytics.json"
+        off = {"analytics_enabled": False, "analytics_id": "none", "metadata": {}}
+        places = {
+            "config_file_path": str(file),
+            "data_dir_path": str(folder),
+        }  # a field less, and it is refused
+        file.write_text(json.dumps(off | places))
         return {**os.environ, "XDG_CONFIG_HOME": self._settings.name, "RUST_LOG": "error"}
 
     def _await(self, ports: Sequence[int], deadline: float) -> None:
@@ -175,4 +180,4 @@ def _answers(port: int) -> bool:
 def _follow_parent() -> None:
     """Between fork and exec: the kernel ends this child with the thread that started it."""
     if _LIBC is not None:
-        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # a milder one would wait in a program that is stopped

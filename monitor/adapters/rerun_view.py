@@ -150,10 +150,15 @@ def open_recording(proxy: str | None, save: Path | None) -> rr.RecordingStream:
     return recording
 
 
-def close_recording(recording: rr.RecordingStream, patience: float = 2.0) -> None:
-    """Hand over what is left and close; what a viewer does not take within ``patience`` [s] is lost to it."""
-    with contextlib.suppress(RuntimeError, ValueError):  # the viewer is gone
+def flush_recording(recording: rr.RecordingStream, patience: float = 2.0) -> None:
+    """Hand over what is left; what a viewer does not take within ``patience`` [s] is lost to it."""
+    with contextlib.suppress(RuntimeError, ValueError):  # the viewer is gone, or stuck
         recording.flush(timeout_sec=patience)
+
+
+def close_recording(recording: rr.RecordingStream) -> None:
+    """Hand over what is left and close. Waits for a viewer that is stuck: end that first."""
+    flush_recording(recording)
     recording.disconnect()
 
 

@@ -1,6 +1,6 @@
 """A monitor that only talks: simulated loops with their events, published and answered as the real one does.
 
-Run by itself it serves as a partner for ``loopsight view``: ``python tests/fake_monitor.py [PORT]``.
+Run by itself it serves as a partner for ``loopsight view``: ``python tests/monitor/fake_monitor.py [PORT]``.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import sys
 import time
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -46,12 +47,14 @@ class Loop:
     def __post_init__(self) -> None:
         """Simulate it."""
         self.key = self.key or f"plant/{self.name}"
-        self.columns = simulate(self)
+        facts = (self.gain, self.dead_time, self.lag, self.kp, self.ti, self.kind, self.amplitude)
+        columns = simulate(*facts, self.sp0, self.op0, self.length, self.noise, self.onset_at)
+        self.columns = {name: column.copy() for name, column in columns.items()}
 
     @property
     def id(self) -> str:
         """Id of its event."""
-        return f"{abs(hash((self.kind, self.length))):016x}"[:8] + self.key.encode().hex()[-8:]
+        return self.key.encode().hex()[-16:]
 
     @property
     def onset(self) -> int:
@@ -59,31 +62,39 @@ class Loop:
         return int(self.columns["time"][self.onset_at])
 
 
-def simulate(loop: Loop, *, seed: int = 1) -> dict[str, Any]:
+@cache
+def simulate(
+    gain: float,
+    delay: int,
+    lag: float,
+    kp: float,
+    ti: float,
+    kind: str,
+    amplitude: float,
+    sp0: float,
+    op0: float,
+    length: int,
+    noise: float,
+    onset: int,
+) -> dict[str, Any]:
     """Step through the closed loop a second at a time; ``model`` is the response without noise."""
-    rng = np.random.default_rng(seed)
-    n, delay = loop.length, loop.dead_time
-    sp = np.full(n, loop.sp0)
-    if loop.kind == "setpoint":
-        sp[loop.onset_at :] += loop.amplitude
-    load = np.zeros(n)
-    if loop.kind == "load":
-        load[loop.onset_at :] = loop.amplitude
-    pv, op, clean = np.empty(n), np.empty(n), np.empty(n)
-    y = x = 0.0
-    integral = 0.0
-    inputs = np.zeros(n + delay)
-    for i in range(n):
-        clean[i] = loop.sp0 + y
-        pv[i] = clean[i] + loop.noise * rng.standard_normal()
+    rng = np.random.default_rng(1)
+    sp, load = np.full(length, sp0), np.zeros(length)
+    (sp if kind == "setpoint" else load)[onset:] += amplitude
+    pv, op, clean, inputs = (np.zeros(length + delay) for _ in range(4))
+    y = x = integral = 0.0
+    for i in range(length):
+        clean[i] = sp0 + y
+        pv[i] = clean[i] + noise * rng.standard_normal()
         e = sp[i] - pv[i]
-        integral += loop.kp / loop.ti * e
-        op[i] = min(100.0, max(0.0, loop.op0 + loop.kp * e + integral))
-        inputs[i + delay] = op[i] - loop.op0
+        integral += kp / ti * e
+        op[i] = min(100.0, max(0.0, op0 + kp * e + integral))
+        inputs[i + delay] = op[i] - op0
         v = inputs[i] + load[i]
-        x += (v - x) * (1.0 - math.exp(-1.0 / loop.lag)) if loop.lag else v - x
-        y += loop.gain * x
-    time_ns = (EPOCH + np.arange(n, dtype=np.int64)) * 1_000_000_000
+        x += (v - x) * (1.0 - math.exp(-1.0 / lag)) if lag else v - x
+        y += gain * x
+    time_ns = (EPOCH + np.arange(length, dtype=np.int64)) * 1_000_000_000
+    pv, op, clean = pv[:length], op[:length], clean[:length]
     return {"time": time_ns, "sp": sp, "pv": pv, "op": op, "model": clean}
 
 
@@ -196,6 +207,10 @@ class FakeMonitor:
     def __init__(self, port: int, loops: list[Loop]) -> None:
         self.endpoint = f"tcp/127.0.0.1:{port}"
         self.loops = loops
+        self.asked: set[str] = set()
+        """What has been asked for: ``status``, ``history/ID``, ``window/ID``."""
+        self.silent = False
+        """Leave questions about the state unanswered."""
         config = zenoh.Config()
         for key, value in (
             ("mode", "router"),
@@ -214,6 +229,9 @@ class FakeMonitor:
     def _answer(self, loop: Loop, leaf: str) -> Any:
         def answer(query: zenoh.Query) -> None:
             with query:
+                self.asked.add(leaf)
+                if self.silent and leaf == "status":
+                    return
                 if leaf.startswith("window"):
                     payload = window_payload(loop)
                 else:

@@ -128,14 +128,13 @@ def _reach(c: Array, order: Array, lags: Array) -> Array:
     falls below.
     """
     best = np.full(c.shape, np.inf)
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        for count in range(len(lags) + 1):
-            c = c if count == 0 else c / lags[count - 1]
-            total = order + count
-            power = c ** (1 / np.maximum(total, 1))
-            flat = np.where((total == 0) & (c <= 1), 0.0, np.inf)
-            # A lag of 0 leaves c infinite, and so no bound.
-            best = np.fmin(best, np.where(total > 0, power, flat))
+    for count in range(len(lags) + 1):
+        c = c if count == 0 else c / lags[count - 1]
+        total = order + count
+        power = c ** (1 / np.maximum(total, 1))
+        flat = np.where((total == 0) & (c <= 1), 0.0, np.inf)
+        # A lag of 0 leaves c infinite, and so no bound.
+        best = np.fmin(best, np.where(total > 0, power, flat))
     return best
 
 
@@ -151,8 +150,7 @@ def span(loops: Loops) -> tuple[Array, Array]:
     total = loops.dead_time + lags.sum(axis=0) + loops.a1
     total = np.where(total > 0, total, 1.0)
     shortest = np.where(lags > 0, lags, np.inf).min(axis=0, initial=np.inf)
-    with np.errstate(divide="ignore"):
-        phase = np.where(loops.dead_time > 0, 5 / loops.dead_time, np.maximum(30 / shortest, 30 / total))
+    phase = np.where(loops.dead_time > 0, 5 / loops.dead_time, np.maximum(30 / shortest, 30 / total))
     high = np.maximum(np.where(np.isfinite(high), high, 20 * phase), phase)
     # |numerator| >= max(1/2, a1 w) while a2 w^2 <= 1/2, and 1 + w lag <= 2 max(1, w lag).
     c = g / (LOW_LEVEL * 2.0 ** (lags > 0).sum(axis=0))
@@ -160,15 +158,13 @@ def span(loops: Loops) -> tuple[Array, Array]:
         loops.n > 0, np.maximum(_reach(c / 2, loops.n, lags), _reach(c * loops.a1, loops.n - 1, lags)), 0
     )
     low = np.where((slow > 0) & np.isfinite(slow), slow, 1e-3 / total)
-    with np.errstate(divide="ignore"):
-        low = np.minimum(low, np.sqrt(0.5 / loops.a2))
+    low = np.minimum(low, np.sqrt(0.5 / loops.a2))
     return np.minimum(low, high / 100), high
 
 
 def grid(loops: Loops, low: Array, high: Array, linear: int) -> Array:
     """Frequencies (points, L) [rad/s]: geometric up to about one radian of dead time, then even steps."""
-    with np.errstate(divide="ignore"):
-        bend = np.minimum(high, BEND / loops.dead_time) if linear else high
+    bend = np.minimum(high, BEND / loops.dead_time) if linear else high
     share = np.linspace(0.0, 1.0, LOG_POINTS)[:, np.newaxis]
     logs = np.log(low)
     points = np.exp(logs + share * (np.log(bend) - logs))

@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 FloatOrArray = float | Array
 
+CLOSE = 1.6 - 1e-9  # "below 1.6"; example E2 of Skogestad 2003 has 0.08/0.05, which must not count as below
+
 
 def _check(name: str, value: FloatOrArray, wrong: Any, accepted: str) -> None:
     """Raise where `wrong` holds for any element; NaN (a missing value) is never wrong."""
@@ -210,7 +212,10 @@ Process = Model | Plant
 def _settled(t: Array, lag: FloatOrArray) -> Array:
     """Return 1 - e^(-t/lag), which is 1 for lag = 0 and t > 0."""
     lag = np.asarray(lag, dtype=float)
-    ratio = np.divide(t, lag, out=np.where(t > 0, np.inf, 0.0) + 0 * lag, where=lag > 0)
+    nothing_to_wait_for = np.broadcast_to(
+        np.where(t > 0, np.inf, 0.0), np.broadcast_shapes(t.shape, lag.shape)
+    )
+    ratio = np.divide(t, lag, out=np.array(nothing_to_wait_for), where=lag > 0)
     return np.asarray(-np.expm1(-ratio))
 
 
@@ -321,7 +326,7 @@ def _cancel(lags: list[float], lead: float, theta: float, process: str) -> float
     smaller = max((lag for lag in lags if 0 < lag < lead), default=None)
     if larger is None and smaller is None:
         raise ValueError(f"zeros: no lag is left to cancel the zero of {lead:g} s ({process} process)")
-    if larger is None or (smaller and lead / smaller < min(1.6, larger / lead)):
+    if larger is None or (smaller and lead / smaller < min(CLOSE, larger / lead)):
         lags.remove(float(smaller or 0.0))
         if theta <= float(smaller or 0.0):
             return lead / float(smaller or 0.0)  # T1a

@@ -106,8 +106,9 @@ def _refine(loops: Loops, ends: tuple[Array, Array], distance2: Callable[[Array,
     bend = left - 2 * middle + right
     slope = left - right
     drop = np.divide(slope * slope, 8 * bend, out=np.zeros_like(bend), where=bend > 0)
-    # The parabola may dip below 0 by rounding where the curve runs through -1.
-    return np.asarray(np.sqrt(np.maximum(np.minimum(middle - drop, squared.min(axis=0)), 0.0)))
+    # The parabola may dip below 0 where the curve runs through -1: there the nearest point counts.
+    lowest = squared.min(axis=0)
+    return np.asarray(np.sqrt(np.where(middle - drop > 0, np.minimum(middle - drop, lowest), lowest)))
 
 
 def _gain_crossovers(loops: Loops, omega: Array) -> tuple[np.ndarray, Array, np.ndarray]:
@@ -202,8 +203,9 @@ def _tail(loops: Loops, high: Array, omega: Array, final: Array) -> Array:
     return np.asarray(np.maximum(1 - turning, 0.0))
 
 
+@np.errstate(divide="ignore", over="ignore", under="ignore", invalid="ignore")
 def _analyse(loops: Loops, full: bool) -> _Found:
-    """Ms, and with `full` the margins, of loops (L,)."""
+    """Ms, and with `full` the margins, of loops (L,); infinities and NaN on the way are meant."""
     count = loops.g.size
     out = _nothing_found(count)
     known = np.isfinite(loops.g + loops.a1 + loops.a2 + loops.dead_time + loops.lags.sum(axis=0))
@@ -249,15 +251,13 @@ def _analyse_group(
     crossings = _gain_crossovers(loops, beyond)
     stable = _stable(loops, crossings, final)
     tail = _tail(loops, high, omega, final)
-    with np.errstate(divide="ignore"):
-        out.ms[rows] = np.where(
-            stable, np.maximum(1.0, 1 / np.minimum(_least_distance(loops, curve, False), tail)), np.inf
-        )
+    out.ms[rows] = np.where(
+        stable, np.maximum(1.0, 1 / np.minimum(_least_distance(loops, curve, False), tail)), np.inf
+    )
     out.stable[rows] = stable
     if not full:
         return
-    with np.errstate(divide="ignore", invalid="ignore"):
-        out.mt[rows] = np.where(stable, 1 / _least_distance(loops, curve, True), np.inf)
+    out.mt[rows] = np.where(stable, 1 / _least_distance(loops, curve, True), np.inf)
     phase, delay = _phase_margins(loops, crossings)
     out.phase_margin[rows] = np.where(stable, phase, np.nan)
     out.delay_margin[rows] = np.where(stable, delay, np.nan)
@@ -289,8 +289,7 @@ def _gain_margin(loops: Loops, omega: Array, final: Array) -> Array:
     size = np.sqrt(picked.magnitude2(high))
     largest = np.where(loops.dead_time > 0, np.minimum(final, 1.0), 0.0)
     np.maximum.at(largest, loop, np.where(size < 1, size, 0.0))
-    with np.errstate(divide="ignore"):
-        return np.asarray(1 / largest)
+    return np.asarray(1 / largest)
 
 
 def peak_sensitivity(model: Process, settings: Settings) -> FloatOrArray:

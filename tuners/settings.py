@@ -180,7 +180,7 @@ def _standard_to_series(standard: Settings) -> Settings:
     # ti = 4 td exactly is the double root: rounding must not turn it into a refusal.
     if np.any(root2 < -1e-12):
         raise NotRepresentableError(
-            f"ti must be at least {_least_ratio(standard):.3g} td for the series form to represent it"
+            f"ti must be at least {_least_ratio(standard):.4g} td for the series form to represent it"
         )
     share = (total + np.sqrt(np.maximum(root2, 0.0))) / 2  # ti of the series form over ti of the standard
     active = np.asarray(standard.td) != 0

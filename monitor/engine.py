@@ -265,10 +265,13 @@ def _with_settings(row: LoopRow, loop: Loop, form: str, advice: Advice) -> LoopR
     row.new_op_noise_abs = advice.op_noise
     if loop.op_span is not None:
         row.new_op_noise = 100.0 * advice.op_noise / loop.op_span
-    row.new_fields = json.dumps(_fields(loop, new))
     row.stages = json.dumps([_plain(s) for s in advice.stages])
     steps = f", in {len(advice.stages)} stages" if len(advice.stages) > 1 else ""
     row.action = f"set {_words(new)}{steps}"
+    try:
+        row.new_fields = json.dumps(_fields(loop, new))
+    except ValueError as error:  # a faceplate in % without the loop's spans, or a form that cannot hold them
+        row.action += f"; the fields of {loop.form} cannot be given: {error}"
     return row
 
 

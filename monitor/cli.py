@@ -108,6 +108,14 @@ def main() -> None:
     except BrokenPipeError:  # `loopsight ... | head`
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115
         code = 0
+    except Exception as error:  # noqa: BLE001 (the last line of defence)
+        if os.environ.get("LOOPSIGHT_DEBUG"):
+            raise
+        click.echo(
+            f"loopsight: internal error: {type(error).__name__}: {error} (LOOPSIGHT_DEBUG=1 shows where)",
+            err=True,
+        )
+        code = 1
     sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -192,6 +192,8 @@ class Engine:
         out = (
             LoopRow(loop=loop.name) if case is None or case.row is None else msgspec.structs.replace(case.row)
         )
+        if loop.kp is not None:
+            out.kp, out.ti, out.td, out.tf = loop.kp, loop.ti, loop.td, loop.filter_time
         state = self.detector.state[row]
         _health(out, state)
         if case is None:

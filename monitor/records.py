@@ -131,6 +131,11 @@ class LoopRow(msgspec.Struct, kw_only=True):
     harris: float | None = None
     compression: float | None = None
     flags: tuple[str, ...] = ()
+    kp: float | None = None
+    """Settings of today as the loop table has them, for the reader's comparison."""
+    ti: float | None = None
+    td: float | None = None
+    tf: float | None = None
 
 
 class Suggestion(msgspec.Struct, frozen=True, kw_only=True):

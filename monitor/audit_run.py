@@ -98,7 +98,7 @@ class Audit:
         for name in sorted(names):
             loop, wrong = parse_row({"name": name})
             if loop is None:
-                self.left_out[name[:200]] = "; ".join(wrong)
+                self.left_out[name[:200]] = "; ".join(map(_short, wrong))
             else:
                 self.loops.add(loop)
 
@@ -341,6 +341,10 @@ def _instant(option: str, text: str | None, zone: Any) -> int | None:
 
 def _iso(ns: int | None) -> str | None:
     return None if ns is None else str(np.datetime64(ns, "ns")) + "Z"
+
+
+def _short(line: str) -> str:
+    return line if len(line) <= 120 else f"{line[:60]}...{line[-50:]}"
 
 
 def visible(text: str) -> str:

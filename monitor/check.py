@@ -97,7 +97,7 @@ def _data(path: Path, tz: str | None, time_unit: str | None) -> Finding:
     span = Span(zone=zone_of(tz or "UTC"))
     try:
         source = inspect(path, unit=time_unit)
-        names = source.loops or sorted(set().union(*scan(source)))
+        names = sorted(set().union(*scan(source))) if source.layout.loop else source.loops
         wanted = {name: k for k, name in enumerate(names)}
         tally, order = Tally(), "in order"
         try:
@@ -165,7 +165,10 @@ def _names_wrong(path: Path, names: list[str]) -> list[str]:
 
     wrong = []
     for name in names:
-        wrong += [f"{path}: loop: {what}" for what in parse_row({"name": name})[1]]
+        wrong += [
+            f"{path}: loop: {what if len(what) <= 120 else what[:60] + '...' + what[-50:]}"
+            for what in parse_row({"name": name})[1]
+        ]
     return wrong[:MOST]
 
 

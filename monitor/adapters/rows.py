@@ -116,20 +116,16 @@ class Tally:
         """Take in another task's tally; several tasks may have read the same lines of a file."""
         for name in ("rows", "bad_time", "outside", "duplicate", "conflict", "bad_texts"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
-        for mine, theirs in (
-            (self.loop_rows, other.loop_rows),
-            (self.texts, other.texts),
-            (self.times, other.times),
-        ):
-            for key, n in theirs.items():
-                mine[key] = mine.get(key, 0) + n
+        for counts, more in ((self.loop_rows, other.loop_rows), (self.texts, other.texts)):
+            for key, n in more.items():
+                counts[key] = counts.get(key, 0) + n
         self.unknown |= other.unknown
         self.times |= other.times
         for file, lines in other.lines.items():
             self.lines.setdefault(file, {}).update(lines)
-        for mine, theirs in ((self.lost_lines, other.lost_lines), (self.file_rows, other.file_rows)):
-            for key, n in theirs.items():
-                mine[key] = max(n, mine.get(key, 0))
+        for most, more in ((self.lost_lines, other.lost_lines), (self.file_rows, other.file_rows)):
+            for key, n in more.items():
+                most[key] = max(n, most.get(key, 0))
 
 
 def _bounded(counts: dict[str, int], text: str, times: int) -> None:

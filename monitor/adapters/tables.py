@@ -55,6 +55,8 @@ def columns(
             kind = "float" if seconds else "time"
             if seconds:
                 values = [v / 1e9 for v in values]
+        if kind in {"int", "time"}:
+            values = [int(v) for v in values]
         elif kind == "float":
             values = [None if v is None or math.isnan(v) else v for v in values]
         out[name] = kind, values

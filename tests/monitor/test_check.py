@@ -1,0 +1,148 @@
+"""Every problem at once, with file, line, field, value and what would be accepted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from click.testing import CliRunner, Result
+
+from monitor.check import check_command
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+GOOD = "loop,time,sp,pv,op\n" + "".join(f"LIC-1,{10 * k},50,{50 + k % 3},40\n" for k in range(20))
+
+
+def check(*args: object) -> Result:
+    return CliRunner().invoke(check_command, [str(a) for a in args])
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "data.csv"
+
+
+def test_good_data_say_what_they_are(file: Path) -> None:
+    file.write_text(GOOD)
+    result = check(file)
+    assert result.exit_code == 0
+    assert result.stdout == (
+        f"{file}: long, 1 loop, 20 rows, 0 s to 190 s, period 10 s, in order, quality unknown; no problem\n"
+    )
+    assert not result.stderr
+
+
+@pytest.mark.parametrize("layout", ["long", "per loop", "wide"])
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_layouts_and_zones(tmp_path: Path, layout: str, suffix: str) -> None:
+    times = pd.date_range("2026-03-01", periods=30, freq="5s")
+    data = pd.DataFrame({"time": times, "sp": 1.0, "pv": 2.0, "op": 3.0})
+    if layout == "long":
+        data.insert(0, "loop", "A")
+    if layout == "wide":
+        data = data.rename(columns=lambda c: c if c == "time" else f"A.{c}")
+    path = tmp_path / f"A{suffix}"
+    if suffix == ".csv":
+        data[::-1].to_csv(path, index=False)
+    else:
+        data[::-1].to_parquet(path)
+    result = check(path, "--tz", "Europe/Berlin")
+    assert result.exit_code == 0
+    expected = "1 loop, 30 rows, 2026-02-28T23:00:00.000Z to 2026-02-28T23:02:25.000Z, period 5 s"
+    assert f"{layout}, {expected}" in result.stdout
+    assert "times without zone, read as Europe/Berlin" in result.stdout
+    assert "out of order (will be sorted)" in check(path).stdout
+
+
+def test_each_problem_of_a_data_file_by_line(file: Path) -> None:
+    lines = GOOD.splitlines()
+    lines[3] = "LIC-1,20,50,Bad Input,40"
+    lines[5] = "LIC-1,40,50,51"
+    lines[7] = "LIC-1,soon,50,51,40"
+    lines[9] = "LIC-1,80,,51,4O"
+    file.write_text("\n".join(lines))
+    result = check(file)
+    assert result.exit_code == 2
+    assert result.stderr.splitlines() == [
+        f"{file}:6: 4 cells, expected 5",
+        f"{file}:4: pv: 'Bad Input', expected a number",
+        f"{file}:8: time: 'soon', expected a time, e.g. 2026-11-22T10:00:00Z",
+        f"{file}:10: sp: '', expected a number",
+        f"{file}:10: op: '4O', expected a number",
+    ]
+    assert "5 problems" in result.stdout
+
+
+def test_long_lists_are_counted(file: Path) -> None:
+    file.write_text(GOOD + "".join(f"LIC-1,{k},x,x,x\n" for k in range(1000, 1100)))
+    lines = check(file).stderr.splitlines()
+    assert len(lines) < 60
+    assert "249 more cells that cannot be read" in lines[-1]
+
+
+def test_text_in_parquet_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "d.parquet"
+    pd.DataFrame(
+        {"loop": "A", "time": range(30), "sp": 1.0, "pv": ["No Data"] * 2 + ["3"] * 28, "op": 2.0}
+    ).to_parquet(path)
+    result = check(path)
+    assert result.exit_code == 2
+    assert result.stderr == f"{path}: 'No Data' in 2 cells, expected numbers\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "problem"),
+    [
+        ("x.csv", "", "x.csv: an empty file"),
+        ("x.csv", "a,b\n1,2\n", "columns a, b, expected columns `loop, time"),
+        ("x.csv", "loop,time,sp,pv,op\n", "no rows"),
+        ("x.csv", "time,A.SP,A.PV\n1,2,3\n", "loop A: no column A.OP"),
+        ("x.csv", "loop,time,sp,pv,op\n" + "n" * 300 + ",1,2,3,4\n", "at most 200 bytes"),
+        ("x.csv", "name,ti\nA,-3\n", "x.csv:2: ti: '-3', expected seconds above 0"),
+        ("x.csv", "name,objective\nA,fast\n", "x.csv:2: objective: 'fast', expected one of both, setpoint"),
+        ("x.toml", "[[loop]]\nname = 'A'\nti = -3\n", "x.toml:1: ti: -3, expected seconds above 0"),
+        ("x.toml", "reorder_window = -1\n", "x.toml"),
+        ("x.toml", "[[loop]\n", "x.toml: "),
+        ("x.parquet", "nonsense", "x.parquet: "),
+        ("x.txt", "nonsense", "suffix '.txt', expected .parquet or .csv"),
+    ],
+)
+def test_problems_are_exit_2(tmp_path: Path, name: str, text: str, problem: str) -> None:
+    (tmp_path / name).write_text(text)
+    result = check(tmp_path / name)
+    assert result.exit_code == 2
+    assert problem in result.stderr
+    assert "Traceback" not in result.output
+
+
+def test_missing_file_and_wrong_zone(file: Path) -> None:
+    assert "no such file" in check(file).stderr
+    assert check(file).exit_code == 2
+    file.write_text(GOOD)
+    result = check(file, "--tz", "Mars")
+    assert result.exit_code == 2
+    assert "--tz: 'Mars'" in result.stderr
+
+
+def test_loop_tables_and_configurations_that_are_fine(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("name,kp,ti\nA,1,20\nB,,\n")
+    (tmp_path / "a.toml").write_text("[[loop]]\nname = 'A'\n")
+    (tmp_path / "m.toml").write_text("reorder_window = 2.0\n")
+    pd.DataFrame({"name": ["A"], "kp": [2.0]}).to_parquet(tmp_path / "a.parquet")
+    result = check(*(tmp_path / f for f in ("a.csv", "a.toml", "m.toml", "a.parquet")))
+    assert result.exit_code == 0
+    assert [line.split(": ", 1)[1] for line in result.stdout.splitlines()] == [
+        "loop table: 2 loops, 1 with settings; no problem",
+        "loop table: 1 loop, 0 with settings; no problem",
+        "configuration; no problem",
+        "loop table: 1 loop, 1 with settings; no problem",
+    ]
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the shared data sets are not beside this repository")
+def test_shared_data_have_no_problem() -> None:
+    files = [p for p in DATA.glob("*/*") if p.suffix in {".csv", ".parquet"}]
+    result = check(*files)
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert len(result.stdout.splitlines()) == len(files)

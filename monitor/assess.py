@@ -35,6 +35,8 @@ LEAST_PERIODS = 4.0
 """Sample periods that the response must last (IAE per unit of step) before its shape is judged."""
 RESOLVED = 3.0
 """Sample periods that a self-regulating process's T0 must last (an integrator's slope is seen at any rate)."""
+TAIL = 4.0
+"""Integral times after which an integral action that works has taken away what was left of the error."""
 MARGIN = 1.25
 """A loop is flagged for robustness above this many times its ``ms_max``: the reference itself may lie near it."""
 TRAP = 2.0
@@ -136,7 +138,7 @@ def _identify(loop: Loop, event: Any, window: Array) -> tuple[Fit | None, bool]:
     """Fit the kinds of process that the loop may be; return the best and whether the kind is beyond doubt."""
     kinds = [INTEGRATING, SELF_REGULATING] if loop.process == "auto" else [loop.process]
     fits = [fit_window(window, int(event["before"]), kind) for kind in kinds]
-    return decide([f for f in fits if f is not None])
+    return decide([f for f in fits if f is not None], float(window[-1, 0]))
 
 
 def _by_integrals(event: Any, fit: Fit | None) -> tuple[float | None, float | None]:
@@ -163,7 +165,10 @@ def _against(loop: Loop, event: Any, fit: Fit | None, decided: bool) -> list[str
             f"sampled too coarsely: the response lasts {lasted:.3g} s, the sample period is {event['period']:.3g} s"
         )
     offset = float(event["offset"])
-    if STATES[event["state"]] == SETTLED and abs(offset) > max(0.05 * size, 3.0 * event["sd_e"]):
+    # a slow tail, as of an integral time longer than the event, is no rest
+    time_enough = loop.kp is None or math.isinf(loop.ti) or event["wall"] > TAIL * loop.ti
+    at_rest = STATES[event["state"]] == SETTLED and time_enough
+    if at_rest and abs(offset) > max(0.05 * size, 3.0 * event["sd_e"]):
         why = (
             "no integral action"
             if loop.kp is not None and math.isinf(loop.ti)

@@ -108,7 +108,7 @@ def main() -> None:
     except BrokenPipeError:  # `loopsight ... | head`
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115
         code = 0
-    except Exception as error:  # noqa: BLE001 (the last line of defence)
+    except Exception as error:  # the last line of defence
         if os.environ.get("LOOPSIGHT_DEBUG"):
             raise
         click.echo(

@@ -165,11 +165,23 @@ def _fit_at(t: Array, u: Array, y: Array, kind: int, best: Array) -> Fit | None:
     )
 
 
-def decide(fits: list[Fit]) -> tuple[Fit | None, bool]:
-    """Return the better of the fits of one window, and whether it is better beyond doubt."""
-    if not fits:
-        return None, False
+def decide(fits: list[Fit], span: float) -> tuple[Fit | None, bool]:
+    """Return the better of the fits of one window, and whether it is better beyond doubt.
+
+    Parameters
+    ----------
+    fits
+        One for each kind of process.
+    span
+        Length of the window [s]: a self-regulating process whose lag is longer than two of them has shown
+        nothing but its slope; to the eye and to a controller it is an integrating one.
+    """
     ranked = sorted(fits, key=lambda f: -f.log_likelihood)
+    ramps = [f for f in ranked if f.process == SELF_REGULATING and f.lag > 2.0 * span]
+    if ramps and len(ranked) > len(ramps):
+        ranked = [f for f in ranked if f not in ramps]
+    if not ranked:
+        return None, False
     if len(ranked) == 1:
         return ranked[0], True
     return ranked[0], ranked[0].log_likelihood - ranked[1].log_likelihood >= DECIDES

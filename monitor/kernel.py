@@ -470,7 +470,8 @@ def _halve(s, w, t_next):
 def _lies_still(s, time, dt, e):
     """Whether the event is over: the error's short average has lain still for half as long as it moved, or time is up.
 
-    Away from zero (no integral action, saturation, or just a flat top) it has to lie four times as long.
+    Away from zero (no integral action, saturation, or just a flat top) it has to lie four times as long, and
+    twenty times where PV is still about where it was before the step.
     """
     size = abs(s.amplitude)
     # the band of the short average when quiet; where that is not well known, 2 % of the step or white noise's
@@ -485,7 +486,10 @@ def _lies_still(s, time, dt, e):
         s.sum_e = s.sum_t = 0.0
     rest = (time - s.still) * 1e-9
     busy = (s.still - s.onset) * 1e-9
-    patience = 1.0 if abs(s.sum_e) <= 2.0 * band * s.sum_t else 4.0
+    offset = abs(s.sum_e)
+    patience = 1.0 if offset <= 0.5 * band * s.sum_t else 4.0
+    if offset > 0.8 * size * s.sum_t:  # PV has hardly begun: dead time, or a long lag
+        patience = 20.0
     if rest >= patience * max(WARM_UP * s.period, 0.5 * busy):
         _end(s, 1, 0, time)
         return True

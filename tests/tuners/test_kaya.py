@@ -86,7 +86,7 @@ def test_optimum_by_time_simulation(power):
         return float(np.sum((found.time**power * (1 - found.pv)) ** 2) * found.time[1])
 
     best = kaya_optimum(model, power)
-    start = [*np.log([best.kp, best.ti, best.td]), 0.1, -0.1, 0.1]
+    start = np.log([best.kp, best.ti, best.td]) + np.array([0.1, -0.1, 0.1])
     found = np.exp(minimize(cost, start, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-9}).x)
     assert found == pytest.approx([best.kp, best.ti, best.td], rel=5e-3)
 

@@ -26,6 +26,7 @@ from .reference import (
     RULE,
     SETPOINT,
     closed_loop_time,
+    held,
     model_of,
     reduced,
     reference_iae,
@@ -104,7 +105,7 @@ def advise(
     except (ValueError, NotRepresentableError) as error:
         return Withheld(f"no settings of the rule {RULE[structure]} for this model: {error}")
     many = _stack(candidates)
-    worst = np.max(peak_sensitivity(_region(fit), many), axis=0)
+    worst = np.max(peak_sensitivity(held(_region(fit), period), many), axis=0)
     noises = op_noise(many, noise, period)
     limits: list[tuple[str, Any]] = [
         (f"Ms stays above {loop.ms_max:g} for the worst model inside the intervals", worst <= loop.ms_max)
@@ -121,8 +122,9 @@ def advise(
         return Withheld("; ".join(failing))
     k = int(np.argmax(fit_for_all))
     return _worthwhile(
-        loop, form, fit, candidates[k], structure, tc, float(times[k]), float(worst[k]), float(noises[k]), ms
-    )
+        loop, form, fit, candidates[k], structure, tc, float(times[k]), float(worst[k]), float(noises[k]), ms,
+        period,
+    )  # fmt: skip
 
 
 def _within(ratio: Array) -> Any:
@@ -131,7 +133,7 @@ def _within(ratio: Array) -> Any:
 
 def _worthwhile(
     loop: Loop, form: str, fit: Fit, new: Settings, structure: str, tc: float, time: float, worst: float,
-    noise: float, ms: float | None,
+    noise: float, ms: float | None, period: float,
 ) -> Advice | Withheld:  # fmt: skip
     """Predict what the settings bring; withhold them where they bring nothing."""
     model = model_of(fit)
@@ -150,8 +152,9 @@ def _worthwhile(
     except ValueError:
         best = math.nan
     ci = float(best / predicted) if math.isfinite(best) and predicted > 0 else None
-    ms_new = float(peak_sensitivity(model, new))
-    stages = [new] if today is None else _stages(model, today, new, max(loop.ms_max, ms or 0.0))
+    sampled = held(model, period)
+    ms_new = float(peak_sensitivity(sampled, new))
+    stages = [new] if today is None else _stages(sampled, today, new, max(loop.ms_max, ms or 0.0))
     return Advice(RULE[structure], new, time, ms_new, worst, ci, noise, stages)
 
 

@@ -20,7 +20,7 @@ from .identify import INTEGRATING, SELF_REGULATING, Array, Fit, decide, fit_wind
 from .kernel import CAUSES, INTERRUPTED, SETTLED, STATES
 from .loops import Loop
 from .records import GOOD, INCONCLUSIVE, RETUNE, Assessment, event_id
-from .reference import SETPOINT, closed_loop_time, model_of, reduced, reference_iae, reference_structure
+from .reference import SETPOINT, closed_loop_time, held, model_of, reduced, reference_iae, reference_structure
 
 LEAST_COVERAGE = 0.8
 """Share of an event's time that must be covered by good samples."""
@@ -76,7 +76,7 @@ def assess_event(loop: Loop, form: str, event: Any, window: Array) -> Finding:
     iae = float(event["iae"])
     ci = None if fit is None or not decided else index(loop, event, fit)
     model = model_of(fit) if fit is not None and decided else None
-    ms = current_sensitivity(loop, form, model)
+    ms = current_sensitivity(loop, form, model, float(event["period"]))
     if against:
         verdict, reason = INCONCLUSIVE, "; ".join(against)
     else:
@@ -223,11 +223,12 @@ def index(loop: Loop, event: Any, fit: Fit) -> float | None:
     return best / iae if math.isfinite(best) and iae > 0 else None
 
 
-def current_sensitivity(loop: Loop, form: str, model: Model | None) -> float | None:
-    """Ms of the loop's settings on a model; inf where the model says unstable, None where not known."""
+def current_sensitivity(loop: Loop, form: str, model: Model | None, period: float) -> float | None:
+    """Ms of the loop's settings on a model, sampled every ``period`` [s]; inf where unstable, None where not known."""
     if model is None or loop.kp is None or loop.kp * float(model.gain) < 0:
         return None
-    return float(peak_sensitivity(model, Settings(loop.kp, loop.ti, loop.td, loop.filter_time, form)))
+    settings = Settings(loop.kp, loop.ti, loop.td, loop.filter_time, form)
+    return float(peak_sensitivity(held(model, period), settings))
 
 
 def overshoot(event: Any, window: Array) -> float:

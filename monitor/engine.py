@@ -172,7 +172,7 @@ class Engine:
                 row, "the events contradict each other: their gains differ beyond chance"
             ), None
         form, model = canonical_form(loop), model_of(joint)
-        ms = row.ms = current_sensitivity(loop, form, model)
+        ms = row.ms = current_sensitivity(loop, form, model, usable[-1].period)
         row.verdict, row.reason = judge(loop, form, model, ci, ms, 0.0)
         if len(usable) == 1 and row.verdict == usable[0].record.verdict:
             row.reason = usable[0].record.reason  # it knows the overshoot and how the event ended

@@ -22,7 +22,8 @@ from monitor.reference import SETPOINT, closed_loop_time, reduced, reference_iae
 from sim_plants.controllers import Controller
 from sim_plants.fleet import random_fleet
 from sim_plants.loops import Simulation
-from sim_plants.margins import margin, settling_time
+from sim_plants.margins import settling_time
+from sim_plants.plants import discretise
 from sim_plants.specs import NEVER, LoopSpec, Steps
 from tuners.models import IntegratingModel
 
@@ -74,9 +75,25 @@ def controller_of(spec: LoopSpec, kp: float, ti: float | None, td: float, tf: fl
 
 
 def true_ms(spec: LoopSpec, controller: Controller) -> float:
-    """Peak sensitivity of the true sampled loop, inf where unstable."""
-    found = margin(spec.plant, controller, spec.true_period)
-    return found.ms if found.stable else math.inf
+    """Peak sensitivity of the true loop as it runs, plant and controller in discrete time; inf where unstable."""
+    dt, plant = spec.true_period, discretise(spec.plant, spec.true_period)
+    omega = np.geomspace(1e-5, 1.0, 4000) * math.pi / dt
+    z = np.exp(1j * omega * dt)
+    n = spec.plant.order
+    states = np.linalg.inv(z[:, None, None] * np.eye(n) - plant.phi)
+    pushed = plant.older[None, :] * (z ** -(plant.delay + 1))[:, None]
+    pushed = pushed + plant.newer[None, :] * (z**-plant.delay)[:, None]
+    process = np.einsum("mij,mj->mi", states, pushed)[:, -1]
+    back = 1 - 1 / z
+    slope = back / (controller.filter_time * back + dt)
+    lead = 1 + controller.lead * slope
+    reset = dt / controller.ti / back
+    law = lead * (1 + reset) if controller.form == "series" else lead + reset
+    distance = 1 + process * controller.kp * law
+    angle = np.unwrap(np.angle(distance))
+    integrators = int(spec.plant.integrating) + int(math.isfinite(controller.ti))
+    stable = abs(angle[-1] - angle[0] - integrators * math.pi / 2) < math.pi
+    return float(1 / np.abs(distance).min()) if stable else math.inf
 
 
 def true_ci(spec: LoopSpec, loop_row: LoopRow, controller: Controller) -> float:

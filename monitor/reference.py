@@ -38,33 +38,6 @@ def held(model: Model, period: float) -> Model:
     return replace(model, dead_time=model.dead_time + 0.5 * period)
 
 
-def held(model: Model, period: float) -> Model:
-    """Return the model as a controller that acts once a period meets it: half a period more of dead time.
-
-    A fit sees OP as held from sample to sample, so its dead time leaves out the hold's own delay. That delay is
-    in the loop where the controller samples as the data do, and in the data where the controller is faster.
-    """
-    return replace(model, dead_time=model.dead_time + 0.5 * period)
-
-
-def held(model: Model, period: float) -> Model:
-    """Return the model as a controller that acts once a period meets it: half a period more of dead time.
-
-    A fit sees OP as held from sample to sample, so its dead time leaves out the hold's own delay. That delay is
-    in the loop where the controller samples as the data do, and in the data where the controller is faster.
-    """
-    return replace(model, dead_time=model.dead_time + 0.5 * period)
-
-
-def held(model: Model, period: float) -> Model:
-    """Return the model as a controller that acts once a period meets it: half a period more of dead time.
-
-    A fit sees OP as held from sample to sample, so its dead time leaves out the hold's own delay. That delay is
-    in the loop where the controller samples as the data do, and in the data where the controller is faster.
-    """
-    return replace(model, dead_time=model.dead_time + 0.5 * period)
-
-
 def settings_of(loop: Loop, form: str) -> Settings | None:
     """Return the loop's current settings in canonical units, None where they are not known."""
     if loop.kp is None:

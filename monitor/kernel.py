@@ -324,14 +324,14 @@ def _listen(s, e, pv, op):
     s.away = 0
     s.warm += 1
     if s.warm == 1:
-        s.mean_e, s.mean_s, s.short, s.abs_e = e, e, e, abs(e)
-        s.var_e = s.var_s = s.var_d = 0.0
+        s.mean_e = s.mean_s = s.short = e
+        s.abs_e = s.var_e = s.var_s = s.var_d = 0.0
     w = max(1.0 / s.warm, LONG)
     d = e - s.mean_e
     if not known or d * d <= 9.0 * s.var_e or s.var_e == 0.0:
         s.mean_e += w * d
         s.var_e += w * (d * d - s.var_e)
-        s.abs_e += w * (abs(e) - s.abs_e)
+        s.abs_e += w * (abs(d) - s.abs_e)
     d = s.short - s.mean_s
     s.mean_s += w * d
     s.var_s += w * (d * d - s.var_s)

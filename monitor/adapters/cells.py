@@ -162,9 +162,14 @@ def codes_of(array: Any, code: Callable[[str | None], int]) -> NDArray[np.int32]
 
 def stamps(array: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Read timestamps of any unit: (N,) [ns], UTC where they have a zone; (N,) whether usable."""
-    good = ~np.asarray(array.is_null().to_numpy(zero_copy_only=False), dtype=np.bool_)
     scale = UNITS[re.split(r"[\[\],]", str(array.type))[1]]
-    raw = array.cast("int64").fill_null(0).to_numpy(zero_copy_only=False)
+    good, raw = np.ones(len(array), np.bool_), array.cast("int64")
+    if raw.null_count:
+        good, raw = (
+            ~np.asarray(raw.is_null().to_numpy(zero_copy_only=False), dtype=np.bool_),
+            raw.fill_null(0),
+        )
+    raw = raw.to_numpy(zero_copy_only=False)
     if scale > 1:
         most = np.iinfo(np.int64).max // scale
         if len(raw) and (raw.max() > most or raw.min() < -most):

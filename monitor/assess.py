@@ -16,11 +16,21 @@ from tuners.models import IntegratingModel, Model
 from tuners.robustness import peak_sensitivity
 from tuners.settings import NotRepresentableError, Settings
 
+from .closedloop import REPRODUCES, indirect_fit, reproduces
 from .identify import INTEGRATING, SELF_REGULATING, Array, Fit, decide, fit_window, setpoint_integrals
 from .kernel import CAUSES, INTERRUPTED, SETTLED, STATES
 from .loops import Loop
 from .records import GOOD, INCONCLUSIVE, RETUNE, Assessment, event_id
-from .reference import SETPOINT, closed_loop_time, held, model_of, reduced, reference_iae, reference_structure
+from .reference import (
+    SETPOINT,
+    closed_loop_time,
+    held,
+    model_of,
+    reduced,
+    reference_iae,
+    reference_structure,
+    settings_of,
+)
 
 LEAST_COVERAGE = 0.8
 """Share of an event's time that must be covered by good samples."""
@@ -71,7 +81,7 @@ def assess_event(loop: Loop, form: str, event: Any, window: Array) -> Finding:
     window
         (n, 4) time [s], SP, PV [PV], OP held [OP].
     """
-    fit, decided = _identify(loop, event, window)
+    fit, decided = _identify(loop, form, event, window)
     against = _against(loop, event, fit, decided)
     iae = float(event["iae"])
     ci = None if fit is None or not decided else index(loop, event, fit)
@@ -96,7 +106,7 @@ def assess_event(loop: Loop, form: str, event: Any, window: Array) -> Finding:
         iae=iae,
         ci=ci,
         process=fit.process if fit is not None and decided else "undecided",
-        method=None if fit is None else "direct",
+        method=None if fit is None else fit.method,
         fit=None if fit is None else fit.quality,
         coverage=coverage(event),
         verdict=verdict,
@@ -134,11 +144,25 @@ def coverage(event: Any) -> float:
     return min(float(event["good"] / event["wall"]), 1.0) if event["wall"] > 0 else 0.0
 
 
-def _identify(loop: Loop, event: Any, window: Array) -> tuple[Fit | None, bool]:
-    """Fit the kinds of process that the loop may be; return the best and whether the kind is beyond doubt."""
+def _identify(loop: Loop, form: str, event: Any, window: Array) -> tuple[Fit | None, bool]:
+    """Fit the kinds of process that the loop may be; return the best and whether the kind is beyond doubt.
+
+    Directly first; then, where the known settings reproduce OP, by simulating the closed loop.
+    """
     kinds = [INTEGRATING, SELF_REGULATING] if loop.process == "auto" else [loop.process]
-    fits = [fit_window(window, int(event["before"]), kind) for kind in kinds]
-    return decide([f for f in fits if f is not None], float(window[-1, 0]))
+    before, span = int(event["before"]), float(window[-1, 0])
+    direct = [f for f in (fit_window(window, before, kind) for kind in kinds) if f is not None]
+    best, decided = decide(direct, span)
+    settings = settings_of(loop, form)
+    if settings is None or best is None or reproduces(window, settings, float(event["period"])) < REPRODUCES:
+        return best, decided
+    starts = [best] if decided else direct
+    fits = [indirect_fit(window, before, float(event["period"]), settings, f) for f in starts]
+    better = [f for f in fits if f is not None and f.quality >= LEAST_FIT]
+    if not better:
+        return best, decided
+    chosen, sure = decide(better, span)
+    return chosen, decided or (sure and len(better) == len(direct))
 
 
 def _by_integrals(event: Any, fit: Fit | None) -> tuple[float | None, float | None]:

@@ -242,3 +242,67 @@ def _sort(points, values):
             for m in range(3):
                 points[j - 1, m], points[j, m] = points[j, m], points[j - 1, m]
             j -= 1
+
+
+@jit
+def load_response(age, kind, gain, dead_time, lag, lag2):
+    """Response of PV, at these ages of a load step of one unit of OP at the process input; 0 before it shows."""
+    y = np.zeros(len(age))
+    if lag2 > 0.0 and abs(lag - lag2) < 1e-3 * lag:
+        lag2 = lag * (1.0 - 1e-3)
+    for k in range(len(age)):
+        h = age[k] - dead_time
+        if h <= 0.0:
+            continue
+        first = np.exp(-h / lag) if lag > 0.0 else 0.0
+        if kind == 0:
+            y[k] = gain * (h - lag * (1.0 - first))
+        elif lag2 > 0.0:
+            y[k] = gain * (1.0 - (lag * first - lag2 * np.exp(-h / lag2)) / (lag - lag2))
+        else:
+            y[k] = gain * (1.0 - first)
+    return y
+
+
+@jit
+def closed_loop(r, period, kind, gain, dead_time, lag, lag2, kp, ki, kd, tf, b, c, disturbance):
+    """PV of the loop from rest, scan by scan: the model under a PID (standard form, backward differences).
+
+    ``r`` is the set point, ``disturbance`` PV's response to a load (empty: none), both as deviations. OP is held
+    over a scan; a dead time between scans splits the hold.
+    """
+    n = len(r)
+    y, u = np.zeros(n), np.zeros(n)
+    if lag2 > 0.0 and abs(lag - lag2) < 1e-3 * lag:
+        lag2 = lag * (1.0 - 1e-3)
+    late = int(dead_time / period)
+    part = dead_time - late * period  # of each scan under the older output
+    rest = period - part
+    a1, a2 = (np.exp(-part / lag), np.exp(-rest / lag)) if lag > 0.0 else (0.0, 0.0)
+    b1, b2 = (np.exp(-part / lag2), np.exp(-rest / lag2)) if lag2 > 0.0 else (0.0, 0.0)
+    s = z1 = z2 = integral = slope = before = 0.0
+    loaded = len(disturbance) == n
+    for k in range(n):
+        if kind == 0:
+            y[k] = gain * (s - lag * z1)
+        elif lag2 > 0.0:
+            y[k] = gain * (lag * z1 - lag2 * z2) / (lag - lag2)
+        else:
+            y[k] = gain * z1
+        if loaded:
+            y[k] += disturbance[k]
+        e = r[k] - y[k]
+        integral += ki * e * period
+        now = c * r[k] - y[k]
+        slope = (tf * slope + now - before) / (tf + period)
+        before = now
+        u[k] = kp * (b * r[k] - y[k]) + integral + kd * slope
+        if not abs(u[k]) < 1e12:  # the model is unstable: far from any fit
+            y[k:] = 1e12
+            return y
+        older = u[k - late - 1] if k > late else 0.0
+        newer = u[k - late] if k >= late else 0.0
+        s += older * part + newer * rest
+        z1 = newer + (older + (z1 - older) * a1 - newer) * a2
+        z2 = newer + (older + (z2 - older) * b1 - newer) * b2
+    return y

@@ -18,13 +18,15 @@ from .fitting import project, response, search
 Array = NDArray[np.float64]
 
 INTEGRATING, SELF_REGULATING = "integrating", "self-regulating"
+DIRECT, INDIRECT, JOINT = "direct", "indirect", "joint"
 
 FLOOR_LN_GAIN = 0.01
 """One sigma of model mismatch in ln gain: a half-rule model of a fourth-order plant is 1 % off without noise."""
 FLOOR_TIME = 0.04
 """One sigma of model mismatch in lag and in dead time, as a share of the dead time (or of T0, if larger share)."""
-STAMP = 0.1
-"""One sigma of dead time and lag in sample periods: when within a period OP really moved is not in the data."""
+STAMP = 0.29
+"""One sigma of dead time and lag in sample periods: when within a period OP really moved is not in the data
+(uniform over a period: 1/sqrt 12)."""
 Z95 = 1.96
 DECIDES = 6.0
 """Difference of log-likelihoods (in effective samples) from which one kind of process is believed: 1 to 400."""
@@ -53,6 +55,8 @@ class Fit:
     """-n_eff/2 ln(residual variance): to compare fits of the same window."""
     sigma: float
     """Standard deviation of the residuals [PV]."""
+    method: str = DIRECT
+    """``direct`` (from OP as measured), ``indirect`` (closed loop simulated) or ``joint`` (several events)."""
 
     @property
     def t0(self) -> float:
@@ -136,11 +140,30 @@ def fit_window(window: Array, before: int, process: str) -> Fit | None:
 
 def _fit_at(t: Array, u: Array, y: Array, kind: int, best: Array) -> Fit | None:
     """Gain, quality and covariance at the optimum found."""
-    dead_time, lag, lag2 = (float(v) for v in best[1:4])
-    gain = float(best[4])
+    dead_time, lag, lag2, gain = (float(v) for v in best[1:5])
     if gain == 0.0:
         return None
-    residual, j = _jacobian(t, u, y, kind, best)
+    residual, jacobian = _jacobian(t, u, y, kind, best)
+    process = INTEGRATING if kind == 0 else SELF_REGULATING
+    return with_uncertainty(process, (gain, lag, dead_time, lag2), t, y, residual, jacobian)
+
+
+def with_uncertainty(
+    process: str, model: tuple[float, float, float, float], t: Array, y: Array, residual: Array, jacobian: Array,
+    method: str = DIRECT,
+) -> Fit:  # fmt: skip
+    """Make a Fit of an optimum: its quality, and its covariance from residuals and their autocorrelation.
+
+    Parameters
+    ----------
+    model
+        gain, lag [s], dead time [s], second lag [s].
+    t, y, residual
+        (n,) times [s], PV and PV less the model's [PV].
+    jacobian
+        (n, k): PV's change per unit of ln |gain|, of lag, of dead time [s], and of whatever else was fitted.
+    """
+    gain, lag, dead_time, lag2 = model
     rss = float(residual @ residual)
     spread = float(np.sum((y - y.mean()) ** 2))
     n_eff = len(t) / correlation_time(residual)
@@ -148,11 +171,13 @@ def _fit_at(t: Array, u: Array, y: Array, kind: int, best: Array) -> Fit | None:
     t0 = lag + lag2 + dead_time
     step = float(np.median(np.diff(t)))
     # lag and dead time are parts of T0: where the data cannot tell them apart, neither exceeds it by much
-    prior = np.diag([1e-2, *[1.0 / (t0 + step) ** 2] * 2])
-    scatter = np.asarray(np.linalg.inv(j.T @ j / (variance * len(t) / n_eff) + prior), dtype=np.float64)
+    prior = np.zeros(jacobian.shape[1])
+    prior[:3] = 1e-2, 1.0 / (t0 + step) ** 2, 1.0 / (t0 + step) ** 2
+    information = jacobian.T @ jacobian / (variance * len(t) / n_eff) + np.diag(prior)
+    scatter = np.asarray(np.linalg.pinv(information)[:3, :3], dtype=np.float64)
     time_floor = (FLOOR_TIME * max(dead_time, 0.3 * t0)) ** 2 + (STAMP * step) ** 2
     return Fit(
-        process=INTEGRATING if kind == 0 else SELF_REGULATING,
+        process=process,
         gain=gain,
         lag=lag,
         dead_time=dead_time,
@@ -162,6 +187,7 @@ def _fit_at(t: Array, u: Array, y: Array, kind: int, best: Array) -> Fit | None:
         quality=1.0 - rss / spread,
         log_likelihood=-0.5 * n_eff * math.log(max(rss / len(t), 1e-24 * spread)),
         sigma=math.sqrt(variance),
+        method=method,
     )
 
 
@@ -214,6 +240,7 @@ def combine(fits: list[Fit]) -> Fit:
         lag2=float(np.mean([f.lag2 for f in fits])),
         scatter=together,
         floor=floor,
+        method=JOINT,
     )
 
 

@@ -163,16 +163,21 @@ def view_command(
             _watch(connect or ENDPOINT, event, how, save, browser, stop)
 
 
-def main() -> None:
-    """Run ``view`` by itself: errors are one line on stderr; exit 2 on wrong use."""
-    code = 0
+def run(arguments: list[str]) -> int:
+    """Run ``view`` by itself and return the exit code: errors are one line on stderr; 2 on wrong use."""
     try:
-        view_command.main(standalone_mode=False, prog_name="loopsight view")
+        view_command.main(arguments, standalone_mode=False, prog_name="loopsight view")
     except click.ClickException as error:
         click.echo(f"loopsight view: {' '.join(error.format_message().split())}", err=True)
-        code = error.exit_code
+        return error.exit_code
     except (click.Abort, KeyboardInterrupt):
         pass
+    return 0
+
+
+def main() -> None:
+    """Run ``view`` as a process of its own."""
+    code = run(sys.argv[1:])
     _guard(code).start()
     sys.exit(code)
 
@@ -275,6 +280,7 @@ def _watch(
     stop: _Stop,
 ) -> None:
     """Show the monitor at ``endpoint`` until stopped, or until the viewer has been closed."""
+    os.environ.setdefault("RUST_LOG", "off")  # a viewer that has gone is told in our words, once
     viewer = _viewer(how)
     with contextlib.ExitStack() as ending:
         if viewer is not None:

@@ -44,6 +44,8 @@ SILENCE = 100
 """Ticks without a health record (due every 40) after which the next one is of a monitor that came back."""
 EVENTS = 2000
 """Assessments kept for the pages of the loops shown."""
+QUIET = 1200
+"""Ticks (five minutes) for which the reader keeps his tab and his zoom, while only the evidence changes."""
 PAYLOAD_MAX = 4 << 20
 """A larger payload [bytes] is none of the monitor's."""
 
@@ -294,43 +296,45 @@ class Feed:
 
 
 class _Layout:
-    """When to lay out anew: each time costs the reader his zoom and tab, and the viewer memory."""
+    """When to lay out anew: each time may cost the reader his tab and his zoom."""
 
     def __init__(self, picture: Drawing) -> None:
         self._picture = picture
-        self._panes: list[Pane] = []
+        self._wanted: dict[str, Window] = {}
+        """The event that each loop's charts should be fitted to."""
+        self._panes: dict[str, Pane] = {}
+        """What was sent last."""
         self._ids: dict[str, str] = {}
-        self._sent: tuple[object, ...] | None = None
-        self._wait, self._count = 0, 0
+        self._started: bool | None = None
+        self._ticks, self._count = 0, 0
 
     def fitted(self, name: str) -> str:
         """Id of the event that the loop's charts are fitted to, or empty."""
         return self._ids.get(name, "")
 
     def update(self, shown: list[str], windows: Mapping[str, Window], evidence: Mapping[str, str]) -> None:
-        """Send a layout where the loops or their evidence have changed, and not too often."""
-        for name in [n for n in self._ids if n not in shown]:
-            del self._ids[name]
+        """Send a layout where the loops have changed, and in quiet times where their evidence has."""
+        self._wanted = {name: window for name, window in self._wanted.items() if name in shown}
         for name, window in windows.items():
-            if name not in self._ids or window.id == evidence.get(name):
-                self._ids[name] = window.id
-        state = (tuple(shown), tuple(sorted(self._ids.items())), self._picture.now > 0)
-        self._wait -= 1
-        if state == self._sent or self._wait > 0:
+            if name not in self._wanted or window.id == evidence.get(name):
+                self._wanted[name] = window
+        self._ticks += 1
+        ids = {name: window.id for name, window in self._wanted.items()}
+        other = shown if set(shown) != set(self._panes) else list(self._panes)
+        changed = other is shown or set(ids) != set(self._ids) or self._started != (self._picture.now > 0)
+        if not changed and (ids == self._ids or self._ticks < QUIET):
             return
-        old = {pane.loop: pane for pane in self._panes}
-        panes = []
-        for name in shown:
-            held = windows.get(name)
-            if held is not None and held.id == self._ids.get(name):
-                panes.append(Pane(name, int(held.time[0]), int(held.time[-1])))
-            else:
-                panes.append(old.get(name, Pane(name, 0, 0)))
-        fresh = [name for name in shown if name not in old]
-        self._picture.layout(panes, fresh[0] if fresh else None)
-        self._panes, self._sent = panes, state
+        if self._ticks < min(QUIET, 2 * self._count):
+            return
+        fresh = next((name for name in shown if name not in self._panes), None)
+        self._panes = {name: _pane(name, self._wanted.get(name)) for name in other}
+        self._ids, self._started, self._ticks = ids, self._picture.now > 0, 0
         self._count += 1
-        self._wait = min(120, 2 * self._count)
+        self._picture.layout(list(self._panes.values()), fresh)
+
+
+def _pane(name: str, window: Window | None) -> Pane:
+    return Pane(name, 0, 0) if window is None else Pane(name, int(window.time[0]), int(window.time[-1]))
 
 
 def _worth(assessment: Mapping[str, Any]) -> tuple[bool, str]:

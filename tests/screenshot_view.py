@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
@@ -42,8 +42,11 @@ def missing() -> str:
 
 
 @contextmanager
-def headless(proxy: str, size: str) -> Iterator[str]:
-    """Rerun's native viewer without a window, connected to the data at ``proxy``; gives its own address."""
+def headless(url: str, size: str) -> Iterator[Callable[[Path], None]]:
+    """Rerun's native viewer without a window, showing what a browser would at ``url``; gives what saves a PNG."""
+    from rerun.experimental import ViewerClient  # noqa: PLC0415
+
+    proxy = parse_qs(urlsplit(url).query)["url"][0] if url.startswith("http") else url
     port = rerun_process.free_ports(1)[0]
     env = {**os.environ, "RUST_LOG": "off", "XDG_RUNTIME_DIR": tempfile.gettempdir()}
     if SOFTWARE_VULKAN.exists():
@@ -52,33 +55,28 @@ def headless(proxy: str, size: str) -> Iterator[str]:
     command += ["--window-size", size, "--hide-welcome-screen", "--renderer", "vulkan", proxy]
     viewer = subprocess.Popen(command, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        yield f"rerun+http://127.0.0.1:{port}/proxy"
+        deadline, client = time.monotonic() + 30, None
+        while client is None:
+            try:
+                client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+            except (RuntimeError, ConnectionError, ValueError):
+                if time.monotonic() > deadline or viewer.poll() is not None:
+                    raise
+                time.sleep(0.2)
+        yield lambda target: client.save_screenshot(str(target.resolve()))
     finally:
         viewer.terminate()
         viewer.wait(10)
 
 
-def shoot(url: str, target: Path, size: str, wait: float) -> None:
-    """Save what a browser would show at ``url`` (the view's) as a PNG, after ``wait`` [s] of drawing."""
+def crop(target: Path, size: str) -> None:
+    """Cut the window's bar off."""
     from PIL import Image  # noqa: PLC0415 - comes with rerun
-    from rerun.experimental import ViewerClient  # noqa: PLC0415
 
     width = int(size.split("x", 1)[0])
-    proxy = parse_qs(urlsplit(url).query)["url"][0] if url.startswith("http") else url
-    with headless(proxy, size) as address:
-        deadline, client = time.monotonic() + 30, None
-        while client is None:
-            try:
-                client = ViewerClient.connect(address)
-            except (RuntimeError, ConnectionError, ValueError):
-                if time.monotonic() > deadline:
-                    raise
-                time.sleep(0.2)
-        time.sleep(wait)
-        client.save_screenshot(str(target.resolve()))
-    with Image.open(target) as picture:  # without the window's bar
-        small = picture.crop((0, BAR * picture.width // width, picture.width, picture.height))
-        small.convert("RGB").save(target, optimize=True)
+    with Image.open(target) as picture:
+        rest = picture.crop((0, BAR * picture.width // width, picture.width, picture.height))
+        rest.convert("RGB").save(target, optimize=True)
 
 
 def main() -> None:
@@ -103,7 +101,10 @@ def main() -> None:
             time.sleep(2.0)  # the view asks for the trends of what it has been told
             for loop in fake.loops:
                 fake.go_on(loop, 3600, 400)
-        shoot(view.url, args.target, args.size, args.wait)
+        with headless(view.url, args.size) as save:
+            time.sleep(args.wait)
+            save(args.target)
+        crop(args.target, args.size)
     finally:
         view.stop()
         if fake:

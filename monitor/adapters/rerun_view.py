@@ -18,6 +18,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from monitor import view_text
+from monitor.adapters import rerun_layout
 from monitor.view_data import Floats, Nanos, Pane, Trend, Window
 
 TIMELINE = "time"
@@ -37,6 +38,7 @@ class Picture:
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._recording = recording
+        self._sender = rerun_layout.Sender(recording)
         self._styled: set[str] = set()
         self._last: dict[str, int] = {}
         self._legends: dict[str, rrb.Corner2D] = {}
@@ -92,7 +94,7 @@ class Picture:
 
     def layout(self, panes: Sequence[Pane], active: str | None = None) -> None:
         """Lay out anew: overview and log left, a tab for each of ``panes``, ``active`` in front."""
-        self._recording.send_blueprint(_blueprint(panes, self._legends, active, started=self.now > 0))
+        self._sender.send(_blueprint(panes, self._legends, active, started=self.now > 0))
 
     def _style(self, base: str, *, event: bool) -> None:
         """Names, colours and widths of a loop's series, logged once. SP and OP are held between samples."""

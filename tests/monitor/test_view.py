@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from fake_monitor import Loop, assessment, demo_loops, row, trend_payload, window_payload
 from view_tools import paths, read, texts
@@ -68,6 +69,25 @@ def test_a_hole_in_the_trend_stays_a_hole(tmp_path: Path, loop: Loop) -> None:
     rerun_view.close_recording(recording)
     _, values = read(tmp_path / "a.rrd")[f"/{rerun_view.entity(loop.name)}/live/{rerun_view.PV}"]
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(values)), [40])
+
+
+def test_layouts_cost_little(tmp_path: Path) -> None:
+    """However often the layout changes: no threads are left behind, and a repetition is next to nothing."""
+    file = tmp_path / "a.rrd"
+    recording = rerun_view.open_recording(None, file)
+    picture = rerun_view.Picture(recording)
+    panes = [Pane(f"L{i}", 0, 10**9) for i in range(4)]
+    sizes, threads = [], []
+    for count in (4, 4, 3, 4):
+        picture.layout(panes[:count], "L1")
+        rerun_view.flush_recording(recording)
+        sizes.append(file.stat().st_size)
+        threads.append(psutil.Process().num_threads())
+    rerun_view.close_recording(recording)
+    first, again = sizes[0], sizes[1] - sizes[0]
+    assert again < first / 10
+    assert sizes[3] - sizes[1] < first
+    assert threads[0] == threads[-1]
 
 
 def test_names_are_data(tmp_path: Path, loop: Loop) -> None:

@@ -11,7 +11,7 @@ from fake_monitor import Loop, arrow, assessment, demo_loops, row, trend_payload
 
 from monitor.view_board import Board
 from monitor.view_data import Pane, decode_trend, merge, nanoseconds
-from monitor.view_feed import LOG_LINES, QUESTIONS, Feed, Inbox
+from monitor.view_feed import LOG_LINES, QUESTIONS, QUIET, Feed, Inbox
 
 
 @pytest.fixture
@@ -192,3 +192,21 @@ def test_layouts_are_rare(feed: Feed, loop: Loop) -> None:
         feed.tick()
     assert len(feed._picture.windows) == 50
     assert len(feed._picture.layouts) <= 2
+
+
+def test_new_evidence_is_laid_out_in_quiet_times(feed: Feed, loop: Loop) -> None:
+    """A suggestion that rests on a newer event moves the charts to it, once five minutes have gone by."""
+    say(feed, f"loopsight/{loop.key}/suggestion", {**row(loop), "evidence": [loop.id]})
+    say(feed, f"loopsight/{loop.key}/window", window_payload(loop))
+    feed.tick()
+    later = {**loop.columns, "time": loop.columns["time"] + 10**13}
+    facts = {"id": "later", "loop": loop.name, "onset": str(later["time"][120])}
+    say(feed, f"loopsight/{loop.key}/suggestion", {**row(loop), "evidence": [loop.id, "later"]})
+    say(feed, f"loopsight/{loop.key}/window", arrow(later, facts))
+    for _ in range(QUIET - 2):
+        feed.tick()
+    before = len(feed._picture.layouts)
+    for _ in range(4):
+        feed.tick()
+    assert len(feed._picture.layouts) == before + 1
+    assert feed._picture.layouts[-1][0][0].start == int(later["time"][0])

@@ -2,7 +2,8 @@
 
 The window runs in the samples' own time, loop by loop, so that a replay at any speed gives what the live stream
 would have given. Of a loop's entries those older than its newest good one by more than the window are
-released; what comes later than that is counted and dropped.
+released; what comes later than that is counted and dropped. Only a set point, output or mode that comes later
+still holds from then on, if it is the newest of its kind: one that changes once a day must not be missed.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ from numpy.typing import NDArray
 
 from .kernel import jit
 from .samples import UNCERTAIN, Samples
-from .wire import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_SP
+from .wire import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_SP, UNKNOWN
 
 HELD = 64
-"""Entries held for each loop; a loop faster than 32 a second has a shorter window."""
+"""Entries held for each loop; where more than 32 come in a second (4 to a sample of tags) the window is shorter."""
 
 LOOP = np.dtype(
     [
@@ -28,6 +29,10 @@ LOOP = np.dtype(
         ("sp", np.float64),
         ("op", np.float64),
         ("auto", np.int64),
+        # times of the tags that hold
+        ("sp_at", np.int64),
+        ("op_at", np.int64),
+        ("auto_at", np.int64),
     ]
 )
 
@@ -46,18 +51,21 @@ class Order:
     def __init__(self, loops: int, window: float = 2.0) -> None:
         self.window = round(window * 1e9)
         self.state = np.zeros(0, LOOP)
-        self.held = np.zeros((0, HELD), ENTRY)
+        self.held = np.zeros((0, HELD + 1), ENTRY)
         self.late = 0
         """Entries that came later than the window allows."""
         self.grow(loops)
 
     def grow(self, loops: int) -> None:
         """Make room for more loops."""
+        if loops <= len(self.state):
+            return
         state = np.zeros(loops, LOOP)
         state["sp"] = state["op"] = np.nan
         state["auto"] = 1
-        state["newest"] = state["released"] = np.iinfo(np.int64).min // 2
-        held = np.zeros((loops, HELD), ENTRY)
+        for name in ("newest", "released", "sp_at", "op_at", "auto_at"):
+            state[name] = np.iinfo(np.int64).min // 2
+        held = np.zeros((loops, HELD + 1), ENTRY)
         state[: len(self.state)], held[: len(self.held)] = self.state, self.held
         self.state, self.held = state, held
 
@@ -93,22 +101,36 @@ def _push(state, held, entries, window, arrival, out):
         x = entries[k]
         s = state[x.loop]
         if x.time < s.newest - window or x.time < s.released:
-            late += 1
+            if x.kind == SAMPLE or x.kind > TAG_AUTO or not _take_over(s, x):
+                late += 1
             continue
-        if s.count == HELD:
-            n = _let_go(s, held, x.loop, held[x.loop, 0].time, out, n)
         j = s.count
         while j > 0 and _after(held[x.loop, j - 1], x):
             held[x.loop, j] = held[x.loop, j - 1]
             j -= 1
         held[x.loop, j] = x
         s.count += 1
+        if s.count > HELD:
+            n = _make_room(s, held, x.loop, out, n)
         # a rejected or bad sample never moves the window
-        if x.time > s.newest and x.quality >= UNCERTAIN and _has_value(x):
+        if x.time > s.newest and _moves(x):
             s.newest = x.time
             s.arrival = arrival
             n = _let_go(s, held, x.loop, s.newest - window - 1, out, n)
     return n, late
+
+
+@jit
+def _make_room(s, held, i, out, n):  # type: ignore[no-untyped-def]
+    """Let go of the newest entry if it is a bad one, which no order can save or spoil, else of the oldest."""
+    last = s.count - 1
+    if _moves(held[i, last]):
+        return _let_go(s, held, i, held[i, 0].time, out, n)
+    s.count = last
+    if held[i, last].kind == SAMPLE or held[i, last].kind > TAG_AUTO:
+        out[n] = held[i, last]
+        n += 1
+    return n
 
 
 @jit
@@ -127,28 +149,46 @@ def _after(a, b):
 
 
 @jit
-def _has_value(x):
-    return x.kind == TAG_AUTO or not (np.isnan(x.sp) and np.isnan(x.pv) and np.isnan(x.op))
+def _moves(x):  # type: ignore[no-untyped-def]
+    """Whether an entry is good enough to say how far the loop's time has come."""
+    if x.quality < UNCERTAIN:
+        return False
+    if x.kind == TAG_AUTO:
+        return x.auto != UNKNOWN
+    if x.kind == SAMPLE:
+        return np.isfinite(x.sp) and np.isfinite(x.pv) and np.isfinite(x.op)
+    return np.isfinite(x.pv) or np.isfinite(x.sp) or np.isfinite(x.op)  # the one that the tag brings
 
 
 @jit
-def _let_go(s, held, i, until, out, n):
+def _take_over(s, x):  # type: ignore[no-untyped-def]
+    """Make a set point, output or mode the one that holds, if it is good and newer than the last; of equals the first."""
+    if not _moves(x):
+        return False
+    if x.kind == TAG_SP and x.time > s.sp_at:
+        s.sp, s.sp_at = x.sp, x.time
+    elif x.kind == TAG_OP and x.time > s.op_at:
+        s.op, s.op_at = x.op, x.time
+    elif x.kind == TAG_AUTO and x.time > s.auto_at:
+        s.auto, s.auto_at = x.auto, x.time
+    else:
+        return False
+    return True
+
+
+@jit
+def _let_go(s, held, i, until, out, n):  # type: ignore[no-untyped-def]
     """Release entries up to a time, composing tags to samples; return the number of samples in ``out``."""
     k = 0
     while k < s.count and held[i, k].time <= until:
         x = held[i, k]
-        s.released = x.time
+        if _moves(x):
+            s.released = x.time
         if x.kind == SAMPLE:
             out[n] = x
             n += 1
-        elif x.quality < UNCERTAIN and x.kind <= TAG_AUTO:
-            pass  # a bad set point, output or mode: the last good one holds
-        elif x.kind == TAG_SP:
-            s.sp = x.sp if not np.isnan(x.sp) else s.sp
-        elif x.kind == TAG_OP:
-            s.op = x.op if not np.isnan(x.op) else s.op
-        elif x.kind == TAG_AUTO:
-            s.auto = x.auto
+        elif x.kind <= TAG_AUTO:
+            _take_over(s, x)  # a bad one is left out: the last good one holds
         else:
             out[n] = x
             out[n].sp, out[n].op, out[n].auto = s.sp, s.op, s.auto

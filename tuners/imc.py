@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from tuners.models import FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
-from tuners.settings import Settings, _plain, with_filter
+from tuners.settings import Settings, plain, with_filter
 from tuners.simc import loop_time
 
 
@@ -279,6 +279,6 @@ def imc_pid_first_order(model: Model, closed_loop_time: FloatOrArray | None = No
     """
     process = fopdt(model)
     theta, lag = process.dead_time, process.lag
-    tc = loop_time(closed_loop_time, _plain(np.maximum(0.8 * theta, 0.1 * lag)))
+    tc = loop_time(closed_loop_time, plain(np.maximum(0.8 * theta, 0.1 * lag)))
     both = 2 * lag + theta
     return with_filter(Settings(both / (process.gain * (2 * tc + theta)), both / 2, lag * theta / both))

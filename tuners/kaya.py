@@ -13,7 +13,7 @@ from numpy.polynomial.polynomial import polyval
 from tuners.imc import ipdt
 from tuners.models import Array, FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
 from tuners.robustness import peak_sensitivity
-from tuners.settings import Settings, _plain, with_filter
+from tuners.settings import Settings, plain, with_filter
 
 Powers = tuple[float, ...]
 Fit = tuple[tuple[Powers, Powers], Powers, tuple[Powers, Powers]]
@@ -62,7 +62,7 @@ def _fitted(model: Model, fit: Fit) -> Settings:
     gain, ti, td = fit
     kp = polyval(x, gain[0]) / polyval(x, gain[1]) / (process.gain * process.lag)
     td_value = process.lag * polyval(x, td[0]) / polyval(x, td[1])
-    settings = Settings(_plain(kp), _plain(process.lag * polyval(x, ti)), _plain(td_value), b=0.0, c=0.0)
+    settings = Settings(plain(kp), plain(process.lag * polyval(x, ti)), plain(td_value), b=0.0, c=0.0)
     return with_filter(settings, FILTER)
 
 

@@ -141,25 +141,33 @@ def _reach(c: Array, order: Array, lags: Array) -> Array:
 def span(loops: Loops) -> tuple[Array, Array]:
     """Lowest and highest frequency worth looking at [rad/s]."""
     g, lags = np.abs(loops.g), loops.lags
-    numerator = (np.ones_like(g), loops.a1, loops.a2)
-    # |numerator| <= 1 + a1 w + a2 w^2: with each term below a third of the level, so is their sum.
-    high = np.max(
-        [_reach(3 * g * a / HIGH_LEVEL, loops.n - i, lags) for i, a in enumerate(numerator)], axis=0
-    )
-    # Slow loops peak where the phase is, not where the gain is; 5/theta lies beyond -180 degrees.
-    total = loops.dead_time + lags.sum(axis=0) + loops.a1
-    total = np.where(total > 0, total, 1.0)
-    shortest = np.where(lags > 0, lags, np.inf).min(axis=0, initial=np.inf)
-    phase = np.where(loops.dead_time > 0, 5 / loops.dead_time, np.maximum(30 / shortest, 30 / total))
-    high = np.maximum(np.where(np.isfinite(high), high, 20 * phase), phase)
+    high = high_end(loops, HIGH_LEVEL)
     # |numerator| >= max(1/2, a1 w) while a2 w^2 <= 1/2, and 1 + w lag <= 2 max(1, w lag).
     c = g / (LOW_LEVEL * 2.0 ** (lags > 0).sum(axis=0))
-    slow = np.where(
-        loops.n > 0, np.maximum(_reach(c / 2, loops.n, lags), _reach(c * loops.a1, loops.n - 1, lags)), 0
-    )
-    low = np.where((slow > 0) & np.isfinite(slow), slow, 1e-3 / total)
+    bounds = _reach(c / 2, loops.n, lags), _reach(c * loops.a1, loops.n - 1, lags)
+    slow = np.where(loops.n > 0, np.maximum(*bounds), 0)
+    low = np.where((slow > 0) & np.isfinite(slow), slow, 1e-3 / _duration(loops))
     low = np.minimum(low, np.sqrt(0.5 / loops.a2))
     return np.minimum(low, high / 100), high
+
+
+def high_end(loops: Loops, level: float | Array) -> Array:
+    """Frequency beyond which abs(L) stays below `level`, and -180 degrees have been passed [rad/s]."""
+    g, lags = np.abs(loops.g), loops.lags
+    numerator = (np.ones_like(g), loops.a1, loops.a2)
+    # |numerator| <= 1 + a1 w + a2 w^2: with each term below a third of the level, so is their sum.
+    high = np.max([_reach(3 * g * a / level, loops.n - i, lags) for i, a in enumerate(numerator)], axis=0)
+    # Slow loops peak where the phase is, not where the gain is; 5/theta lies beyond -180 degrees.
+    shortest = np.where(lags > 0, lags, np.inf).min(axis=0, initial=np.inf)
+    lagging = np.maximum(30 / shortest, 30 / _duration(loops))
+    phase = np.where(loops.dead_time > 0, 5 / loops.dead_time, lagging)
+    return np.maximum(np.where(np.isfinite(high), high, 20 * phase), phase)
+
+
+def _duration(loops: Loops) -> Array:
+    """Sum of the loop's times, a scale where nothing else gives one [s]."""
+    total = loops.dead_time + loops.lags.sum(axis=0) + loops.a1
+    return np.where(total > 0, total, 1.0)
 
 
 def grid(loops: Loops, low: Array, high: Array, linear: int) -> Array:

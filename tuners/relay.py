@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from tuners.models import Array, FloatOrArray, IntegratingModel
-from tuners.settings import _plain
+from tuners.settings import plain
 
 
 def _check_cycle(**values: FloatOrArray) -> None:
@@ -89,7 +89,7 @@ def relay_ifopdt(
         return np.asarray(q / 2 - theta - lag + 2 * lag * share)
 
     dead_time = _bisect(switch, np.zeros_like(q), q)
-    return IntegratingModel(gain, _plain(dead_time), _plain(lag))
+    return IntegratingModel(gain, plain(dead_time), plain(lag))
 
 
 def _bisect(function: Callable[[Array], Array], low: Array, high: Array) -> Array:

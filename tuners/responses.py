@@ -100,7 +100,7 @@ def closed_loop_response(
             break
         window *= 2
     pv[time <= float(model.dead_time)] = 0.0  # causality, where the cut series rings a little
-    keep = time <= (duration if duration is not None else window)
+    keep = time <= (duration if duration is not None else 0.98 * window)
     return _figures(time, pv, op, kind, final, keep)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tuners.loops import BEND, LOG_POINTS, Loops, coefficients, grid, span
+from tuners.loops import BEND, LOG_POINTS, Loops, coefficients, grid, high_end, span
 from tuners.models import Array, FloatOrArray, IntegratingModel, Model, Plant, Process, SelfRegulatingModel
 from tuners.responses import Response, closed_loop_response
 from tuners.settings import Settings
@@ -27,7 +27,17 @@ __all__ = [
 ]
 
 PHASE_STEP = 0.35  # dead time turns the curve by omega theta: no step beyond this angle [rad]
-LINEAR_SIZES = (0, 64, 256, 1024, 4096)  # points of the linear part; loops are grouped by what they need
+LINEAR_SIZES = (
+    0,
+    32,
+    64,
+    128,
+    256,
+    512,
+    1024,
+    4096,
+)  # points of the linear part; loops are grouped by what they need
+ACCURACY = 1e-3  # of Ms: abs(L) below this is of no account
 CHUNK = 1 << 15  # points worked on at a time: a dozen arrays of them fit into the second-level cache
 
 
@@ -195,6 +205,28 @@ def _groups(loops: Loops, high: Array) -> list[tuple[int, np.ndarray]]:
     return result
 
 
+def _needed(loops: Loops, low: Array, high: Array) -> Array:
+    """Highest frequency [rad/s] that can matter for Ms, after a first look below one turn of the dead time.
+
+    What has been seen there is a lower bound of Ms: beyond the frequency where abs(L) falls below 1 - 1/Ms
+    nothing can surpass it.
+    """
+    index = np.flatnonzero(high * loops.dead_time > BEND + 3)
+    if not index.size:
+        return high
+    turning, trimmed = loops.take(index), high.copy()
+    re, im = turning.parts(grid(turning, low[index], BEND / turning.dead_time, 0)[::2])
+    seen = np.sqrt(((1 + re) ** 2 + im * im).min(axis=0))
+    level = np.clip(1 - seen, ACCURACY, 0.9)
+    end = high_end(turning, level)
+    # The bound is generous; abs(L) itself, which is smooth out there, says how far it really is.
+    steps = grid(turning, 5 / turning.dead_time, end, 0)[::4]
+    above = turning.magnitude2(steps) > (0.9 * level) ** 2
+    last = np.where(above.any(axis=0), len(steps) - 1 - above[::-1].argmax(axis=0), 0)
+    trimmed[index] = steps[np.minimum(last + 1, len(steps) - 1), np.arange(index.size)]
+    return trimmed
+
+
 def _tail(loops: Loops, high: Array, omega: Array, final: Array) -> Array:
     """Least abs(1 + L) beyond the grid (L,): with dead time the curve turns, so 1 - abs(L) is reached."""
     last = np.sqrt(loops.magnitude2(omega[-1]))
@@ -210,6 +242,8 @@ def _analyse(loops: Loops, full: bool) -> _Found:
     out = _nothing_found(count)
     known = np.isfinite(loops.g + loops.a1 + loops.a2 + loops.dead_time + loops.lags.sum(axis=0))
     low, high = span(loops)
+    needed = _needed(loops, low, high)
+    high = np.maximum(high, needed) if full else needed
     final = _final_gain(loops)
     idle = known & (loops.g == 0)
     index = np.flatnonzero(known & ~idle)

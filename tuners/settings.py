@@ -141,7 +141,7 @@ def with_filter(settings: Settings, ratio: float = FILTER_RATIO) -> Settings:
     return replace(settings, tf=settings.td / ratio)
 
 
-def _plain(value: FloatOrArray) -> FloatOrArray:
+def plain(value: FloatOrArray) -> FloatOrArray:
     """Return a float for a scalar, the array otherwise."""
     return float(value) if np.ndim(value) == 0 else value
 
@@ -162,13 +162,13 @@ def _series_to_standard(series: Settings, form: str) -> Settings:
     slope = series.c * lead * (series.b - tf * reset) / factor
     c = np.divide(slope, td, out=np.ones(np.broadcast_shapes(slope.shape, td.shape)), where=td > 0)
     return Settings(
-        kp=_plain(series.kp * factor),
-        ti=_plain(series.ti * factor),
-        td=_plain(td),
-        tf=_plain(np.where(td > 0, tf, 0.0)),
+        kp=plain(series.kp * factor),
+        ti=plain(series.ti * factor),
+        td=plain(td),
+        tf=plain(np.where(td > 0, tf, 0.0)),
         form=form,
-        b=_plain(b),
-        c=_plain(c),
+        b=plain(b),
+        c=plain(c),
     )
 
 
@@ -188,10 +188,10 @@ def _standard_to_series(standard: Settings) -> Settings:
     td = np.where(active, (tf + standard.td) / share, 0.0)
     b, c = _series_weights(standard, share, td - np.where(active, tf, 0.0), tf, reset)
     return Settings(
-        kp=_plain(standard.kp * share),
-        ti=_plain(standard.ti * share),
-        td=_plain(td),
-        tf=_plain(tf),
+        kp=plain(standard.kp * share),
+        ti=plain(standard.ti * share),
+        td=plain(td),
+        tf=plain(tf),
         form="series",
         b=b,
         c=c,
@@ -224,4 +224,4 @@ def _series_weights(
     c = np.divide(2 * constant, divisor, out=np.zeros(np.shape(divisor)), where=constant > 0)
     b = standard.b * (1 + m) - c * m
     has_lead = np.asarray(standard.td) != 0
-    return _plain(np.where(has_lead, b, standard.b)), _plain(np.where(has_lead, c, standard.c))
+    return plain(np.where(has_lead, b, standard.b)), plain(np.where(has_lead, c, standard.c))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from tuners.models import FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
-from tuners.settings import Settings, _plain, with_filter
+from tuners.settings import Settings, plain, with_filter
 
 
 def loop_time(closed_loop_time: FloatOrArray | None, default: FloatOrArray) -> FloatOrArray:
@@ -30,7 +30,7 @@ def loop_time(closed_loop_time: FloatOrArray | None, default: FloatOrArray) -> F
 
 
 def _least(x: FloatOrArray, y: FloatOrArray) -> FloatOrArray:
-    return _plain(np.minimum(x, y))
+    return plain(np.minimum(x, y))
 
 
 def simc_pi(model: Model, closed_loop_time: FloatOrArray | None = None) -> Settings:
@@ -71,7 +71,7 @@ def simc_pi(model: Model, closed_loop_time: FloatOrArray | None = None) -> Setti
 
 def _first_order_pi(model: SelfRegulatingModel, tc: FloatOrArray) -> tuple[FloatOrArray, FloatOrArray]:
     """Return kp and ti of SIMC for the larger lag alone."""
-    lag = _plain(np.maximum(model.lag, model.lag2))
+    lag = plain(np.maximum(model.lag, model.lag2))
     if np.any(np.asarray(lag) <= 0):
         # SIMC for a process that is dead time alone is a pure integral controller.
         raise ValueError("lag = 0: SIMC for a self-regulating process needs a lag above 0 [s]")
@@ -142,7 +142,7 @@ def simc_pd(model: Model, closed_loop_time: FloatOrArray | None = None) -> Setti
     tc = loop_time(closed_loop_time, model.dead_time)
     if isinstance(model, SelfRegulatingModel):
         lag, td = np.maximum(model.lag, model.lag2), _least(model.lag, model.lag2)
-        kp = _plain(lag / (model.gain * (tc + model.dead_time)))
+        kp = plain(lag / (model.gain * (tc + model.dead_time)))
         return with_filter(Settings(kp, np.inf, td, form="series"))
     return with_filter(Settings(1 / (model.gain * (tc + model.dead_time)), np.inf, model.lag, form="series"))
 

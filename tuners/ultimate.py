@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from tuners.models import FloatOrArray, IntegratingModel, Model
-from tuners.settings import Settings, _plain, with_filter
+from tuners.settings import Settings, plain, with_filter
 
 
 def ultimate(model: Model) -> tuple[FloatOrArray, FloatOrArray]:
@@ -46,7 +46,7 @@ def ultimate(model: Model) -> tuple[FloatOrArray, FloatOrArray]:
         phase = theta * middle + sum(np.arctan(lag * middle) for lag in model.lags)
         low, high = np.where(phase < target, middle, low), np.where(phase < target, high, middle)
     size = np.abs(model.frequency_response(high)) * np.sign(model.gain)
-    return _plain(1 / size), _plain(2 * math.pi / high)
+    return plain(1 / size), plain(2 * math.pi / high)
 
 
 def ziegler_nichols(model: Model) -> Settings:

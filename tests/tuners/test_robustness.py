@@ -23,7 +23,7 @@ def naive_ms(model, settings):
     """Naive twin: a fine grid, and the winding of 1 + L counted by unwrapping."""
     theta = float(model.dead_time)
     omega = (
-        np.unique(np.concatenate([np.geomspace(1e-6, 3e3, 60_000), np.linspace(0, 60, 60_001)[1:]])) / theta
+        np.unique(np.concatenate([np.geomspace(1e-6, 3e3, 20_000), np.linspace(0, 60, 20_001)[1:]])) / theta
     )
     back = 1 + model.frequency_response(omega) * settings.frequency_response(omega)
     poles = int(model.process == "integrating") + int(math.isfinite(settings.ti))

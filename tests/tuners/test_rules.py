@@ -129,6 +129,27 @@ def test_reference_iae_formulas():
     assert closed_loop_response(model, ipd).iae == pytest.approx(8 * 2 + 3 - 0.3, rel=1e-3)
 
 
+@pytest.mark.parametrize("tc", [1.0, 2.0, 4.0, 8.0])
+def test_reference_iae_of_other_closed_loop_times(tc):
+    """PID on an integrator: IAE_sp = theta + 4 (tc + theta)/e within 5 %, IAE_ld = 4 mu (tc + theta)^2."""
+    settings = simc_pid(UNIT, tc)
+    assert closed_loop_response(UNIT, settings).iae == pytest.approx(1 + 4 * (tc + 1) / math.e, rel=0.05)
+    assert closed_loop_response(UNIT, settings, "load").iae == pytest.approx(4 * (tc + 1) ** 2, rel=2e-3)
+
+
+@pytest.mark.parametrize(("lag", "score"), [(2.0, 1.0), (8.0, 1.0), (12.0, 0.73), (50.0, 0.55)])
+def test_self_regulating_reference(lag, score):
+    """2 theta/IAE_sp of SIMC PI is 1 up to lag = 8 theta and falls beyond; IAE_ld = 2 mu theta or 16 theta^2/lag."""
+    model = SelfRegulatingModel(1.0, 1.0, lag)
+    settings = simc_pi(model)
+    # exact would be 2.17/2 at lag < 8 theta: P on the integrator that is left overshoots by 4 %
+    assert 2 / closed_loop_response(model, settings).iae == pytest.approx(
+        score, rel=0.1 if lag <= 8 else 0.01
+    )
+    expected = 2 if lag <= 8 else 16 / lag
+    assert closed_loop_response(model, settings, "load").iae == pytest.approx(expected, rel=2e-3)
+
+
 # ---- Rice & Cooper 2002: pumped tank, times in minutes. The fit behind the print: K theta = 0.02382,
 # theta = 1.092 min; alpha of the PID with filter is printed as .64 and computes to .635.
 

@@ -155,7 +155,8 @@ def _residual(case: _Case, p: Array, sign: float, lag2: float) -> Array:
 def _jacobian(case: _Case, p: Array, sign: float, lag2: float, residual: Array) -> tuple[Array, Array]:
     """Residual, and (n, k): PV's change per unit of ln gain, lag, dead time [and onset]."""
     scale = abs(p[1]) + abs(p[2]) + 0.2 * case.period
-    steps = np.array([0.01, 0.02 * scale, 0.02 * scale] + [0.02 * scale] * (len(p) - 3))
+    # secants of 5 %: at a lag of zero the tangents of lag and dead time coincide
+    steps = np.array([0.01, 0.05 * scale, 0.05 * scale] + [0.02 * scale] * (len(p) - 3))
     columns = []
     for k, step in enumerate(steps):
         q = p.copy()

@@ -74,8 +74,14 @@ class Fit:
             half = Z95 * math.sqrt(self.cov[0, 0])
             ends = self.gain * math.exp(-half), self.gain * math.exp(min(half, 700.0))
             return min(ends), max(ends)
-        weights = {"lag": (0.0, 1.0, 0.0), "dead_time": (0.0, 0.0, 1.0), "t0": (0.0, 1.0, 1.0)}[name]
-        half = Z95 * math.sqrt(max(float(np.array(weights) @ self.cov @ np.array(weights)), 0.0))
+        weights = {"lag": (0.0, 1.0, 0.0), "dead_time": (0.0, 0.0, 1.0), "t0": (0.0, 1.0, 1.0)}
+        low, high = self._about(name, np.array(weights[name]))
+        if name != "t0":  # neither part of T0 is below 0, so the other is not above it
+            high = min(high, max(self._about("t0", np.array(weights["t0"]))[1] - self.lag2, low))
+        return low, high
+
+    def _about(self, name: str, weights: Array) -> tuple[float, float]:
+        half = Z95 * math.sqrt(max(float(weights @ self.cov @ weights), 0.0))
         value = float(getattr(self, name))
         return max(value - half, 0.0), value + half
 

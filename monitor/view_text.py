@@ -244,6 +244,8 @@ def _percent(share: object) -> float | None:
 
 
 def _value(value: object) -> str:
+    if value is None:
+        return "none"
     return number(value) if _is_number(value) else plain(value, 40)
 
 

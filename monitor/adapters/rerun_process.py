@@ -20,6 +20,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import quote
 
+from monitor.adapters.rerun_page import Page
+
 SERVER_MEMORY = "128MB"
 """What the server keeps for a browser that is opened late; the oldest samples go first."""
 
@@ -63,6 +65,7 @@ class RerunProcess:
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by stop
         self.proxy = f"rerun+http://127.0.0.1:{ports[0]}/proxy"
         self.url = self.proxy
+        self.page: Page | None = None
         self.process = subprocess.Popen(  # noqa: S603 - our own program and arguments
             [str(program()), "--bind", "127.0.0.1", "--port", str(ports[0]), *arguments],
             stdin=subprocess.DEVNULL,
@@ -83,6 +86,9 @@ class RerunProcess:
 
     def stop(self, patience: float = 3.0) -> None:
         """End it, by force after ``patience`` [s]. Harmless when it has ended already."""
+        if self.page is not None:
+            self.page.stop()
+            self.page = None
         if self.alive():
             self.process.terminate()
             try:
@@ -147,7 +153,8 @@ def serve_web(recording: Path | None = None, patience: float = 20.0) -> RerunPro
             if attempt == 3:  # another process may have taken a port in between, hardly three times
                 raise
             continue
-        server.url = f"http://127.0.0.1:{ports[1]}/?url={quote(server.proxy, safe='')}&hide_welcome_screen"
+        server.page = page = Page(ports[1], ports[0])
+        server.url = f"http://127.0.0.1:{page.port}/?url={quote(server.proxy, safe='')}&hide_welcome_screen"
         return server
     raise AssertionError
 

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
@@ -255,9 +256,18 @@ def test_recording_is_served(tmp_path: Path, loop: Loop) -> None:
 
 
 def test_telemetry_is_off() -> None:
-    """Rerun's program is told so, for this child alone."""
+    """Rerun's program is told so, for this child alone; the browser may talk to this machine only."""
     server = rerun_process.serve_web()
     try:
+        with urllib.request.urlopen(server.url, timeout=5) as page:  # noqa: S310
+            rules = page.headers["Content-Security-Policy"]
+        assert "default-src 'self'" in rules
+        sources = [word for rule in rules.split(";") for word in rule.split()[1:] if "//" in word]
+        assert sources == [server.proxy.removeprefix("rerun+").removesuffix("/proxy")]
+        posing = urllib.request.Request(server.url, headers={"Host": "evil.example"})  # noqa: S310
+        with pytest.raises(urllib.error.HTTPError, match="403") as refused:
+            urllib.request.urlopen(posing, timeout=5)  # noqa: S310
+        refused.value.close()
         facts = msgspec.json.decode((Path(server._settings.name) / "rerun" / "analytics.json").read_bytes())
         assert facts["analytics_enabled"] is False
     finally:

@@ -19,8 +19,8 @@ from .rows import Rows, Tally, join_rows
 from .times import OLDEST, Clock, clock_of_numbers, numbers_to_ns, plausible
 
 
-def clock_of(first: Any, unit: str | None, *, comma: bool) -> Clock:
-    """Tell the clock by the file's first times.
+def clock_of(first: Any, unit: str | None, zoned: Any, *, comma: bool) -> Clock:
+    """Tell the clock by the file's first times; ``zoned`` is the Arrow type of a time with zone.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def clock_of(first: Any, unit: str | None, *, comma: bool) -> Clock:
     values = numbers(first, Tally(), comma=comma)
     if np.isfinite(values).sum() * 2 >= len(values):
         return clock_of_numbers(values, unit)
-    ns, good, aware = text_times(first)
+    ns, good, aware = text_times(first, zoned)
     if not good.any():
         shown = next((t for t in first.to_pylist() if t), "")
         raise ValueError(f"time: {shown[:40]!r}, expected ISO text, e.g. 2026-11-22T10:00:00, or seconds")
@@ -55,9 +55,17 @@ class Taker:
     """Takes a file's batches apart into rows of loops."""
 
     def __init__(
-        self, layout: Layout, clock: Clock, wanted: Mapping[str, int], tally: Tally, *, comma: bool
+        self,
+        layout: Layout,
+        clock: Clock,
+        wanted: Mapping[str, int],
+        tally: Tally,
+        zoned: Any,
+        *,
+        comma: bool,
     ) -> None:
-        self.layout, self.clock, self.wanted, self.tally, self.comma = layout, clock, wanted, tally, comma
+        self.layout, self.clock, self.wanted, self.tally = layout, clock, wanted, tally
+        self.zoned, self.comma = zoned, comma
         self.codes: dict[str | None, int] = {}
         if layout.kind != LONG:
             for name in layout.columns:
@@ -134,7 +142,7 @@ class Taker:
             ns, good = numbers_to_ns(_time_numbers(array, comma=self.comma), clock)
         else:
             if clock.kind == "text":
-                ns, good, aware = text_times(array)
+                ns, good, aware = text_times(array, self.zoned)
                 if (aware[good] == clock.naive).any():
                     raise ValueError("time: with and without zone mixed, expected one kind")
             else:
@@ -148,7 +156,8 @@ class Taker:
 
 def _time_numbers(array: Any, *, comma: bool) -> NDArray[Any]:
     """Numeric times without loss: whole numbers stay whole, for a double cannot hold today's nanoseconds."""
-    if not array.null_count and (is_text(array) or "int" in str(array.type)):
+    whole = "int" in str(array.type) or (is_text(array) and len(array) > 0 and str(array[0]).isdigit())
+    if whole and not array.null_count:
         try:
             return np.asarray(array.cast("int64").to_numpy(zero_copy_only=False))
         except ValueError:

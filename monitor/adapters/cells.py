@@ -178,8 +178,13 @@ def stamps(array: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     return np.asarray(raw, dtype=np.int64), good
 
 
-def text_times(array: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
+def text_times(array: Any, zoned: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
     """Read ISO times (also ``31.12.2024 23:59:59,5``).
+
+    Parameters
+    ----------
+    zoned
+        The Arrow type of a time with zone, which has no name to ask for it by.
 
     Returns
     -------
@@ -189,7 +194,10 @@ def text_times(array: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArra
     array = plain(array)
     everywhere = np.ones(len(array), np.bool_)
     if not array.null_count:
-        for kind, aware in (("timestamp[ns]", False), ("timestamp[ns, tz=UTC]", True)):
+        # the likely kind first: a cast that fails for each cell takes fifty times as long
+        first = str(array[0]) if len(array) else ""
+        kinds = [("timestamp[ns]", False), (zoned, True)]
+        for kind, aware in kinds[::-1] if _AWARE.search(first[10:]) else kinds:
             try:
                 ns = array.cast(kind).cast("int64").to_numpy(zero_copy_only=False)
             except ValueError:

@@ -10,7 +10,6 @@ import codecs
 import csv
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +30,15 @@ MOST_COLUMNS = 100_000
 MOST_LINE_BYTES = 16 << 20
 """Longest line of a CSV file; also what is read of it at a time."""
 BLOCK_BYTES = 1 << 20
+BUFFER_BYTES = 64 << 20
+"""Read ahead of a Parquet file, over all columns."""
 FREE_BYTES = 256 << 20
 """Decoded size up to which the ratio to the file's size does not matter."""
 MOST_RATIO = 1000
 """Decoded size over file size. Idle loops of a fleet come to 40; a file made to do harm has thousands."""
 MOST_CHUNK_BYTES = 2 << 30
 """Decoded size of one column in one row group, as the file declares it."""
+_ZONED = pa.timestamp("ns", tz="UTC")
 _HEAD = 65_536
 """Rows by which the clock is told."""
 
@@ -127,8 +129,10 @@ def _unusable(name: str, error: BaseException) -> UnusableError:
 # Parquet
 
 
-def _open_parquet(path: Path, loop: str = "") -> Any:
-    return pq.ParquetFile(path, read_dictionary=[loop] if loop else None)
+def _open_parquet(path: Path, loop: str = "", columns: int = 1) -> Any:
+    """Open a file to be read column by column in pieces; to buffer ahead would hold all of it in memory."""
+    piece = max(4096, BUFFER_BYTES // columns)
+    return pq.ParquetFile(path, read_dictionary=[loop] if loop else None, pre_buffer=False, buffer_size=piece)
 
 
 def _inspect_parquet(path: Path, name: str, names: Collection[str], unit: str | None, stat: Any) -> Source:
@@ -142,7 +146,7 @@ def _inspect_parquet(path: Path, name: str, names: Collection[str], unit: str | 
         path, name, stat.st_size, stat.st_mtime_ns, "parquet", layout, Clock("text"), meta.num_rows
     )
     first = next(file.iter_batches(_HEAD, columns=[layout.time]), None)
-    clock = clock_of(None if first is None else first.column(0), unit, comma=False)
+    clock = clock_of(None if first is None else first.column(0), unit, _ZONED, comma=False)
     return replace(source, clock=clock)
 
 
@@ -172,19 +176,18 @@ def _bound(meta: Any, layout: Layout, size: int) -> None:
 def _parquet_batches(
     source: Source, headings: list[str], groups: Collection[int] | None
 ) -> Iterator[tuple[int, Any]]:
-    file = _open_parquet(source.path, source.layout.loop if source.layout.kind == LONG else "")
-    starts = np.cumsum([0, *(file.metadata.row_group(g).num_rows for g in range(file.num_row_groups))])
-    chosen = list(range(file.num_row_groups)) if groups is None else sorted(groups)
+    loop = source.layout.loop if source.layout.kind == LONG else ""
+    file = _open_parquet(source.path, loop, len(headings))
     size = max(64, min(CELLS // len(headings), 1 << 18))
-    # runs of neighbouring row groups: rows are numbered as in the file
-    cuts = [0, *(k + 1 for k, (a, b) in enumerate(pairwise(chosen)) if b != a + 1), len(chosen)]
-    for a, b in pairwise(cuts):
-        if a == b:
-            continue
-        row = int(starts[chosen[a]])
-        for batch in file.iter_batches(size, row_groups=chosen[a:b], columns=headings):
-            yield row, batch
-            row += len(batch)
+    row = 0
+    for g in range(file.num_row_groups):
+        n = file.metadata.row_group(g).num_rows
+        if groups is None or g in groups:
+            at = row
+            for batch in file.iter_batches(size, row_groups=[g], columns=headings):
+                yield at, batch
+                at += len(batch)
+        row += n
 
 
 # ---------------------------------------------------------------------------------------------------
@@ -201,7 +204,9 @@ def _inspect_csv(path: Path, name: str, names: Collection[str], unit: str | None
         headings=found, delimiter=delimiter, encoding=encoding,
     )  # fmt: skip
     first = next(_csv_batches(source, [layout.time], lambda _: "skip"), None)
-    clock = clock_of(None if first is None else first[1].column(0)[:_HEAD], unit, comma=delimiter != ",")
+    clock = clock_of(
+        None if first is None else first[1].column(0)[:_HEAD], unit, _ZONED, comma=delimiter != ","
+    )
     return replace(source, clock=clock)
 
 
@@ -343,6 +348,7 @@ def read(
             source.clock,
             wanted,
             tally,
+            _ZONED,
             comma=source.format == "csv" and source.delimiter != ",",
         )
         for row, batch in batches:
@@ -401,7 +407,7 @@ _TYPES = {
     "int": pa.int64(),
     "str": pa.string(),
     "list": pa.list_(pa.string()),
-    "time": pa.timestamp("ns", tz="UTC"),
+    "time": _ZONED,
 }
 
 

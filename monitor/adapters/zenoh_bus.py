@@ -7,12 +7,13 @@ import re
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from typing import Any
 
 import zenoh
 
-from monitor.wire import Message
+from monitor.wire import LARGEST, Message
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 RECONNECT = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}
@@ -20,6 +21,8 @@ RECONNECT = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_fact
 MOST_BYTES = 256 * 2**20
 """Bytes that the ring holds before it drops its oldest messages."""
 MOST_MESSAGES = 2_000_000
+MOST_ASKED = 64 * 1024
+"""Bytes of a query's payload above which it is left unread."""
 
 
 class BusError(OSError):
@@ -58,6 +61,7 @@ def open_session(
         "connect/retry": RECONNECT,
         "connect/timeout_ms": 3000,
         "timestamping/enabled": True,
+        "transport/link/rx/max_message_size": 4 * LARGEST,  # Zenoh's own limit is a gigabyte
         **(options or {}),
     }
     try:
@@ -100,11 +104,16 @@ class Ring:
                 self._bytes -= len(self._queue.popleft().payload)
                 self.dropped += 1
 
-    def take(self, most: int) -> list[Message]:
-        """Return the oldest messages, at most this many."""
+    def take(self, most: int, most_bytes: int = MOST_BYTES) -> list[Message]:
+        """Return the oldest messages, at most this many; no more after these bytes are reached."""
+        taken: list[Message] = []
+        size = 0
         with self._lock:
-            taken = [self._queue.popleft() for _ in range(min(most, len(self._queue)))]
-            self._bytes -= sum(len(m.payload) for m in taken)
+            while self._queue and len(taken) < most and size < most_bytes:
+                message = self._queue.popleft()
+                size += len(message.payload)
+                taken.append(message)
+            self._bytes -= size
         return taken
 
 
@@ -116,7 +125,7 @@ class Question:
         self.key = str(query.key_expr)
         self.parameters = _parameters(str(query.parameters))
         payload = query.payload
-        self.payload = b"" if payload is None else payload.to_bytes()
+        self.payload = b"" if payload is None or len(payload) > MOST_ASKED else payload.to_bytes()
 
     def matches(self, key: str) -> bool:
         """Whether this key is asked for."""
@@ -131,10 +140,18 @@ class Question:
         except zenoh.ZError:
             return
 
+    def refuse(self, why: str) -> None:
+        """Answer with an error."""
+        try:
+            with self._query as query:
+                query.reply_err(why)
+        except zenoh.ZError:
+            return
+
 
 def _parameters(text: str) -> dict[str, str]:
-    """Read ``name=value;name=value``."""
-    parts = (part.partition("=") for part in text.split(";") if part)
+    """Read ``name=value&name=value``, as the contract and URLs have it, or with Zenoh's own ``;``."""
+    parts = (part.partition("=") for part in re.split("[;&]", text) if part)
     return {name: value for name, _, value in parts}
 
 
@@ -155,18 +172,34 @@ class Bus:
         self._declared: list[Any] = []
         self.ring = Ring()
         self.questions: deque[Question] = deque(maxlen=1000)
+        self.unsaid = 0
+        """What Zenoh would not take."""
 
     def subscribe(self, keys: Sequence[str], arrival: Callable[[], int]) -> None:
-        """Listen to key expressions; messages without a timestamp take ``arrival()`` [ns]."""
-        ring = self.ring
+        """Listen to key expressions; messages without a timestamp take ``arrival()`` [ns].
+
+        What a monitor says is left out: it would hear itself.
+
+        Raises
+        ------
+        BusError
+            One is no key expression.
+        """
+        ring, ours = self.ring, self._prefix + "/"
 
         def enqueue(sample: Any) -> None:
+            key = str(sample.key_expr)
+            if key.startswith(ours):
+                return
             stamp = sample.timestamp
             time = arrival() if stamp is None else _nanoseconds(stamp.get_time())
-            ring.put(Message(str(sample.key_expr), sample.payload.to_bytes(), time))
+            ring.put(Message(key, sample.payload.to_bytes(), time))
 
         for key in keys:
-            self._declared.append(self._session.declare_subscriber(key, enqueue))
+            try:
+                self._declared.append(self._session.declare_subscriber(key, enqueue))
+            except zenoh.ZError:
+                raise BusError(f"subscribe: {key!r}, expected a key expression, e.g. plant/**") from None
 
     def answer(self, keys: Sequence[str]) -> None:
         """Accept queries on these key expressions; they wait in ``questions`` for our own thread."""
@@ -189,14 +222,21 @@ class Bus:
         """
         if not key.startswith(self._prefix + "/"):
             raise ValueError(f"{key}: outside {self._prefix}/, the monitor only ever writes there")
-        self._session.put(key, payload, encoding=encoding, congestion_control=zenoh.CongestionControl.DROP)
+        try:
+            self._session.put(
+                key, payload, encoding=encoding, congestion_control=zenoh.CongestionControl.DROP
+            )
+        except zenoh.ZError:
+            self.unsaid += 1
 
     def close(self) -> None:
-        """Undeclare everything and close the session."""
+        """Undeclare everything and close the session, whatever state it is in."""
         for declared in self._declared:
-            declared.undeclare()
+            with suppress(zenoh.ZError):
+                declared.undeclare()
         self._declared.clear()
-        self._session.close()
+        with suppress(zenoh.ZError):
+            self._session.close()
 
 
 def _nanoseconds(when: datetime) -> int:

@@ -51,10 +51,15 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
                 self.reorder_window,
                 "seconds from 0 to 3600",
             ),
-            (self.future > 0, "future", self.future, "seconds above 0"),
+            (0 < self.future <= 1e8, "future", self.future, "seconds above 0, at most 1e8"),
             (0.001 <= self.tick <= 1, "tick", self.tick, "seconds from 0.001 to 1"),
             (bool(self.subscribe), "subscribe", self.subscribe, "at least one key expression"),
-            (bool(self.id) and not set(self.id) & set("/*$?#"), "id", self.id, "a name without / * $ ? #"),
+            (
+                self.id.isprintable() and bool(self.id) and not set(self.id) & set("/*$?#"),
+                "id",
+                self.id,
+                "a name without / * $ ? # and control characters",
+            ),
         ]
         for ok, name, value, accepted in checks:
             if not ok:
@@ -85,7 +90,7 @@ def load(path: Path | None, **overrides: Any) -> Config:
             settings = tomllib.loads(path.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             raise ConfigError(f"{path}: {error}") from None
-        if settings.get("loops"):  # beside the file that names it
+        if settings.get("loops") and isinstance(settings["loops"], str):  # beside the file that names it
             settings["loops"] = str(path.parent / settings["loops"])
     settings |= {k: v for k, v in overrides.items() if v is not None and v != ()}
     try:

@@ -121,7 +121,7 @@ def _push(state, held, entries, window, arrival, out):
 
 
 @jit
-def _make_room(s, held, i, out, n):  # type: ignore[no-untyped-def]
+def _make_room(s, held, i, out, n):
     """Let go of the newest entry if it is a bad one, which no order can save or spoil, else of the oldest."""
     last = s.count - 1
     if _moves(held[i, last]):
@@ -149,7 +149,7 @@ def _after(a, b):
 
 
 @jit
-def _moves(x):  # type: ignore[no-untyped-def]
+def _moves(x):
     """Whether an entry is good enough to say how far the loop's time has come."""
     if x.quality < UNCERTAIN:
         return False
@@ -161,8 +161,8 @@ def _moves(x):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _take_over(s, x):  # type: ignore[no-untyped-def]
-    """Make a set point, output or mode the one that holds, if it is good and newer than the last; of equals the first."""
+def _take_over(s, x):
+    """Make a set point, output or mode the one that holds, if it is good and newer than the last one."""
     if not _moves(x):
         return False
     if x.kind == TAG_SP and x.time > s.sp_at:
@@ -177,7 +177,7 @@ def _take_over(s, x):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _let_go(s, held, i, until, out, n):  # type: ignore[no-untyped-def]
+def _let_go(s, held, i, until, out, n):
     """Release entries up to a time, composing tags to samples; return the number of samples in ``out``."""
     k = 0
     while k < s.count and held[i, k].time <= until:

@@ -7,6 +7,7 @@ published has been committed before.
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections import deque
@@ -32,6 +33,7 @@ from .wire import (
     encode_record,
     encode_trend,
     encode_window,
+    iso,
     time_of,
     to_json,
 )
@@ -39,8 +41,8 @@ from .wire import (
 log = logging.getLogger("loopsight")
 
 PREFIX = "loopsight"
-MOST_MESSAGES = 200_000
-"""Messages taken from the ring in one tick: a backlog is worked off without losing sight of the rest."""
+MOST_MESSAGES, MOST_BYTES = 50_000, 16 * 2**20
+"""Messages, and their bytes, taken from the ring in one tick: a backlog does not hide all else."""
 ASSESS_TIME = 0.05
 """Time in a tick for assessing closed events: in an upset the ingest goes on [s]."""
 STATUS_EVERY = 10.0
@@ -51,6 +53,12 @@ MOST_TRENDS = 50
 """Loops whose new samples are published for the eye."""
 MOST_LOOPS = 200_000
 """Loops that may register themselves."""
+MOST_ANSWERS = 10_000
+"""Records that answer one query."""
+ANSWER_TIME = 0.05
+"""Time in a tick for answering queries; the rest waits for the next [s]."""
+RETRY = 1.0
+"""Pause before a store that failed is tried again [s]."""
 MOST_UNKEPT = 10_000
 """Records that wait for a store that fails; beyond, the oldest are given up and counted."""
 STALE_PERIODS = 3.0
@@ -121,6 +129,7 @@ class Service:
         self._clock, self._monotonic = clock, monotonic
         self._started = monotonic()
         self._unkept: deque[_Said] = deque()
+        self._retry = 0.0
         self._flagged: set[int] = set()
         self._trend: list[Samples] = []
         self._next_status = self._next_trend = monotonic()
@@ -132,7 +141,7 @@ class Service:
 
     def tick(self) -> int:
         """Work off what has come in; return the number of messages."""
-        messages = self.bus.ring.take(MOST_MESSAGES)
+        messages = self.bus.ring.take(MOST_MESSAGES, MOST_BYTES)
         now = self._monotonic()
         samples = self._samples(messages, now)
         records = [record for batch in samples for record in self._detect(batch)]
@@ -154,13 +163,19 @@ class Service:
             entries = self.decoder.decode(messages, latest)
             for row, loop in self.decoder.settings:
                 self.engine.retuned(row, loop)
+                self._flagged.discard(row)
+                self._old_rows.pop(loop.key, None)
+            for cause, key, why in self.decoder.refused:
+                log.warning("%s: %s: %s", cause, plain(key), plain(why))
             batches.append(self.order.push(entries, now))
         batches.append(self.order.release(now - max(self.config.reorder_window, 0.1)))
         return [b for b in batches if len(b)]
 
     def _register(self, name: str, key: str) -> int | None:
         """Watch a loop that is in no table."""
-        if len(self.loops) >= MOST_LOOPS or len(name.encode()) > NAME_BYTES or not name:
+        if len(self.loops) >= MOST_LOOPS or not 0 < len(name.encode(errors="replace")) <= NAME_BYTES:
+            return None
+        if not name.isprintable() or "*" in key or "$" in key:  # for a terminal, or a key of many
             return None
         try:
             row = self.engine.add(Loop(name=name, key=key))
@@ -192,6 +207,8 @@ class Service:
         while len(self._unkept) > MOST_UNKEPT:
             self._unkept.popleft()
             self.given_up += 1
+        if not self.ready and self._monotonic() < self._retry:
+            return
         try:
             with self.store.transaction():
                 for said in self._unkept:
@@ -200,6 +217,7 @@ class Service:
             if self.ready:
                 log.error("store: %s; nothing is published until it is back", error)  # noqa: TRY400 (one line)
             self.ready = False
+            self._retry = self._monotonic() + RETRY
             return
         if not self.ready:
             log.warning("store: back; %d records were waiting", len(self._unkept))
@@ -294,24 +312,24 @@ class Service:
     # -- what is asked ------------------------------------------------------------------------------
 
     def _answer(self) -> None:
+        until = self._monotonic() + ANSWER_TIME
         while self.bus.questions:
             question = self.bus.questions.popleft()
             try:
-                replies = self._replies(question)
+                question.answer(self._replies(question))
             except (ValueError, StoreError) as error:
-                replies = [(question.key.replace("*", "-"), to_json({"error": str(error)}), JSON_MIME)]
-            question.answer(replies)
+                question.refuse(str(error))
+            if self._monotonic() >= until:
+                return
 
     def _replies(self, question: Any) -> list[tuple[str, bytes, str]]:
-        if question.key.endswith("/status"):
+        chunks = question.key.split("/")
+        if chunks[-1] == "status":
             return [(k, p, JSON_MIME) for k, p in self._status_rows(question)]
-        if "/window/" in question.key:
-            found = self.store.window(question.key.rpartition("/")[2])
-            return (
-                []
-                if found is None
-                else [(f"{PREFIX}/{found[0]}/window/{question.key.rpartition('/')[2]}", found[1], FRAME_MIME)]
-            )
+        if len(chunks) > 1 and chunks[-2] == "window":
+            found = self.store.window(chunks[-1])
+            key = "" if found is None else f"{PREFIX}/{found[0]}/window/{chunks[-1]}"
+            return [] if found is None or not question.matches(key) else [(key, found[1], FRAME_MIME)]
         return self._history(question)
 
     def _status_rows(self, question: Any) -> list[tuple[str, bytes]]:
@@ -334,10 +352,10 @@ class Service:
     def _history(self, question: Any) -> list[tuple[str, bytes, str]]:
         """Return stored assessments of the loops asked for, one key each."""
         asked = question.parameters
-        since, until = (_instant(asked.get(name)) for name in ("since", "until"))
-        limit = int(asked.get("limit", 1000))
+        since, until = (_instant(name, asked.get(name)) for name in ("since", "until"))
+        limit = _limit(asked.get("limit"))
         last = question.key.rpartition("/")[2]
-        out = []
+        out: list[tuple[str, bytes, str]] = []
         for loop in self.loops:
             if not question.matches(f"{PREFIX}/{loop.key}/history/{last}"):
                 continue
@@ -345,7 +363,9 @@ class Service:
                 key = f"{PREFIX}/{loop.key}/history/{identity}"
                 if question.matches(key):
                     out.append((key, payload, JSON_MIME))
-        return out
+            if len(out) >= MOST_ANSWERS:
+                break
+        return out[:MOST_ANSWERS]
 
     def status(self) -> dict[str, Any]:
         """Return the monitor's health, for the bus and for ``loopsight status``."""
@@ -366,7 +386,7 @@ class Service:
         verdicts = [self.engine.verdict(k) or WORST_FIRST[-1] for k in range(len(self.loops))]
         return {
             "id": self.config.id,
-            "time": self._clock(),
+            "time": iso(self._clock()),
             "uptime": round(now - self._started, 1),
             "ready": self.ready,
             "loops": {
@@ -419,24 +439,51 @@ class Service:
         self.finish()
 
     def finish(self) -> None:
-        """Work off the ring and the window, close open events, store and publish."""
-        while len(self.bus.ring):
-            self.tick()
+        """Work off the ring and the window, close open events, store and publish.
+
+        What comes in meanwhile is left: a publisher that never pauses must not keep us.
+        """
+        left = len(self.bus.ring)
+        while left > 0 and (taken := self.tick()):
+            left -= taken
         last = self.order.release(np.inf)
         records = self.engine.detect(last) if len(last) else []
         records += self.engine.flush()
+        self._retry = 0.0
         self._publish(records)
         self._tell(records)
+        if self._unkept:
+            log.error("store: still failing; %d records are lost", len(self._unkept))
 
 
-def _instant(text: str | None) -> int | None:
+def _instant(name: str, text: str | None) -> int | None:
     """Read a time of a query [ns]: ISO or epoch seconds."""
     if text is None:
         return None
     try:
-        return time_of(float(text), 0)
+        seconds = float(text)
     except ValueError:
-        return time_of(text, 0)
+        try:
+            return time_of(text.replace(" ", "+"), 0)  # what a browser makes of a + in a zone
+        except ValueError:
+            raise ValueError(f"{name}: {text[:50]!r}, expected ISO time or epoch seconds") from None
+    if not math.isfinite(seconds):
+        raise ValueError(f"{name}: {text[:50]!r}, expected ISO time or epoch seconds")
+    return round(min(max(seconds, -9e9), 9e9) * 1e6) * 1000
+
+
+def _limit(text: str | None) -> int:
+    """Read how many assessments of each loop are asked for."""
+    if text is None:
+        return 1000
+    if not (text.isascii() and text.isdigit() and 0 < len(text) <= 9):
+        raise ValueError(f"limit: {text[:50]!r}, expected a whole number of 0 or more")
+    return min(int(text), MOST_ANSWERS)
+
+
+def plain(text: str) -> str:
+    """Return text that does nothing to a terminal or a log."""
+    return "".join(c if c.isprintable() else "\ufffd" for c in text)
 
 
 def warm_up() -> None:

@@ -42,7 +42,7 @@ def show(answers: list[dict[str, Any]], as_json: bool) -> None:
 def _lines(answer: dict[str, Any]) -> list[str]:
     loops = answer["loops"]
     refused = ", ".join(f"{answer[n]} {n.replace('_', ' ')}" for n in REFUSED if answer.get(n))
-    unknown = ", ".join(answer.get("unknown", {}))
+    unknown = ", ".join("".join(c if c.isprintable() else "?" for c in n) for n in answer.get("unknown", {}))
     rates = answer["rates"]
     verdicts = ", ".join(f"{loops[v]} {v.replace('_', ' ')}" for v in WORST_FIRST)
     lines = [

@@ -100,6 +100,7 @@ class Detector:
                 self.free[self.n_free[0]] = event["slot"]
                 self.n_free[0] += 1
             found.append((event, window))
+        self.out[:n] = np.zeros((), OUT)  # an opening fills only part of its row
         return found
 
 

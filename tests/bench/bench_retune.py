@@ -96,7 +96,7 @@ def true_ms(spec: LoopSpec, controller: Controller) -> float:
     return float(1 / np.abs(distance).min()) if stable else math.inf
 
 
-def true_ci(spec: LoopSpec, loop_row: LoopRow, controller: Controller) -> float:
+def true_ci(spec: LoopSpec, controller: Controller) -> float:
     """CI_sp of the true loop under these settings, simulated without noise and limits."""
     from twin import table_of  # noqa: PLC0415
 
@@ -137,7 +137,7 @@ def judge(spec: LoopSpec) -> Outcome:
         td = stage["kd"] / kp if "kd" in stage else stage["td"]
         stages.append(true_ms(spec, controller_of(spec, kp, ti, td, stage["tf"])))
     return Outcome(
-        spec, row, reason, before, after, max(stages), true_ci(spec, row, new) if after < 10 else 0.0
+        spec, row, reason, before, after, max(stages), true_ci(spec, new) if after < 10 else 0.0
     )
 
 

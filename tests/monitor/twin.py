@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -58,9 +59,9 @@ def response(
 
 
 def integrals(window: Array, pv0: float, op0: float) -> dict[str, float]:
-    """Running integrals over a window that starts at the onset: OP and SP held, PV and their integrals by trapezoids."""
+    """Running integrals over a window that starts at the onset: OP held, PV and integrals by trapezoids."""
     s1 = s2 = s3 = y1 = y2 = iae = 0.0
-    for (t0, sp, pv_a, op), (t1, _, pv_b, _) in zip(window[:-1], window[1:], strict=True):
+    for (t0, sp, pv_a, op), (t1, _, pv_b, _) in pairwise(window):
         dt = t1 - t0
         s1_new = s1 + (op - op0) * dt
         s2_new = s2 + (s1 + s1_new) / 2 * dt
@@ -156,7 +157,7 @@ def times(n: int, period: float = 1.0, start: int = START) -> NDArray[np.int64]:
 def pi_loop(
     sp: Array,
     *,
-    kp: float = 0.5,
+    kp: float = 2.0,
     ti: float = 40.0,
     gain: float = 0.05,
     dead: int = 4,

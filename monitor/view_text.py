@@ -152,8 +152,11 @@ def _overview_row(row: Row) -> str:
 def _health(health: Row | None) -> list[str]:
     if not health:
         return ["*Waiting for the monitor's health record.*", ""]
-    shown = ("samples_ok", "rejected", "backlog", "queue")
+    shown = ("samples_ok", "dropped", "backlog", "queue")
     facts = [f"{key.replace('_', ' ')} {health[key]:,.0f}" for key in shown if _is_number(health.get(key))]
+    rates = health.get("rates")
+    if isinstance(rates, Mapping) and _is_number(rates.get("samples")):
+        facts.insert(0, f"{rates['samples']:,.0f} samples/s")
     return [f"*Monitor {escape(health.get('id', ''), 60)} alive. {', '.join(facts)}*".replace(" *", "*"), ""]
 
 
@@ -192,9 +195,14 @@ def _stages(row: Row) -> list[str]:
     lines = ["", f"Go there in {len(stages)} stages, with a look at the loop in between:", ""]
     for i, stage in enumerate(stages[:10], 1):
         facts = stage.items() if isinstance(stage, Mapping) else ()
-        told = (f"{escape(k, 20).capitalize()} {escape(_value(v), 20)}" for k, v in facts if k != "form")
+        told = (f"{escape(k, 20).capitalize()} {escape(_value(v), 20)}" for k, v in facts if _tells(k, v))
         lines.append(f"{i}. {', '.join(told)}")
     return lines
+
+
+def _tells(key: str, value: object) -> bool:
+    """Whether a stage's field is worth its place: a derivative that is not there is not."""
+    return key in ("kp", "ti", "ki") or (key in ("td", "tf", "kd") and bool(value))
 
 
 def _before_after(row: Row) -> list[str]:

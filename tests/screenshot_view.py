@@ -1,8 +1,8 @@
 """Make a screenshot of what ``loopsight view`` shows: the picture in the README.
 
-Run: ``python tests/screenshot_view.py docs/view.png [--connect ENDPOINT] [--size 1600x950] [--wait 8]``.
-Without ``--connect`` a fake monitor is shown. It draws with Rerun's native viewer, without a window; where
-there is no graphics card that needs a software Vulkan driver (Debian: ``mesa-vulkan-drivers libvulkan1``).
+Run: ``python tests/screenshot_view.py docs/view.png [--connect ENDPOINT | --url URL] [--wait 8]``.
+Without ``--connect`` and ``--url`` a fake monitor is shown. It draws with Rerun's native viewer, without a
+window; where there is no graphics card that needs a software Vulkan driver (Debian: ``mesa-vulkan-drivers libvulkan1``).
 """
 
 from __future__ import annotations
@@ -83,12 +83,16 @@ def main() -> None:
     """Parse the options, start what is needed, shoot."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("target", type=Path)
-    parser.add_argument("--connect", metavar="ENDPOINT")
-    parser.add_argument("--size", default="1600x950")
+    parser.add_argument("--connect", metavar="ENDPOINT", help="show this monitor")
+    parser.add_argument("--url", help="show what a running view does: the address that it printed")
+    parser.add_argument("--size", default="1600x1000")
     parser.add_argument("--wait", type=float, default=8.0)
     args = parser.parse_args()
     if why := missing():
         sys.exit(why)
+    if args.url:
+        shoot(args.url, args)
+        return
     fake = None if args.connect else FakeMonitor(rerun_process.free_ports(1)[0], demo_loops())
     view = start_view(args.connect or (fake.endpoint if fake else ""), "web")
     try:
@@ -101,14 +105,19 @@ def main() -> None:
             time.sleep(2.0)  # the view asks for the trends of what it has been told
             for loop in fake.loops:
                 fake.go_on(loop, 3600, 400)
-        with headless(view.url, args.size) as save:
-            time.sleep(args.wait)
-            save(args.target)
-        crop(args.target, args.size)
+        shoot(view.url, args)
     finally:
         view.stop()
         if fake:
             fake.close()
+
+
+def shoot(url: str, args: argparse.Namespace) -> None:
+    """Draw for ``args.wait`` seconds, then save."""
+    with headless(url, args.size) as save:
+        time.sleep(args.wait)
+        save(args.target)
+    crop(args.target, args.size)
 
 
 if __name__ == "__main__":

@@ -84,7 +84,7 @@ class RerunProcess:
         """Whether it still runs."""
         return self.process.poll() is None
 
-    def stop(self, patience: float = 3.0) -> None:
+    def stop(self, patience: float = 1.5) -> None:
         """End it, by force after ``patience`` [s]. Harmless when it has ended already."""
         if self.page is not None:
             self.page.stop()

@@ -2,7 +2,8 @@
 
 Run: ``python tests/screenshot_view.py docs/view.png [--connect ENDPOINT | --url URL] [--wait 8]``.
 Without ``--connect`` and ``--url`` a fake monitor is shown. It draws with Rerun's native viewer, without a
-window; where there is no graphics card that needs a software Vulkan driver (Debian: ``mesa-vulkan-drivers libvulkan1``).
+window; where there is no graphics card that needs a software Vulkan driver (Debian: ``mesa-vulkan-drivers``
+and ``libvulkan1``).
 """
 
 from __future__ import annotations

@@ -241,6 +241,7 @@ class Audit:
             "counts": counts,
             "text_in_values": {"count": tally.bad_texts, "most_frequent": dict(texts)},
             "times_unreadable": sorted(tally.times)[:MOST_LISTED],
+            "held_where_empty": {s.name: sorted(s.sparse) for s in self.sources if s.sparse},
             "quality_unknown": sorted(s.name for s in self.sources if not _has_quality(s)),
             "loops_without_data": sorted(n for n in self.loops.by_name if n not in tally.loop_rows),
             "skipped": {

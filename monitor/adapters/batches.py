@@ -15,7 +15,7 @@ from monitor.samples import GOOD
 
 from .cells import codes_of, is_text, modes, numbers, plain, qualities, stamps, text_times
 from .layouts import LONG, NEEDED, PER_LOOP, Layout, normal_name
-from .rows import Rows, Tally, join_rows
+from .rows import HOLD_OP, HOLD_SP, Rows, Tally, join_rows
 from .times import OLDEST, Clock, clock_of_numbers, numbers_to_ns, plausible
 
 
@@ -46,6 +46,22 @@ def clock_of(first: Any, unit: str | None, zoned: Any, *, comma: bool) -> Clock:
     return Clock("text", naive=not aware[good][0], epoch=_of_day(ns[good]))
 
 
+def sparse_of(head: Any, layout: Layout) -> frozenset[str]:
+    """Tell by a file's first rows which set points and outputs are written only where they change.
+
+    Such a column is empty in more than half of the rows that have a PV; its last value holds.
+    """
+    out: set[str] = set()
+    column = dict(zip(head.schema.names, head.columns, strict=True))
+    for roles in layout.columns.values():
+        there = ~_empty(column[roles["pv"]])
+        for role in ("sp", "op"):
+            empty = _empty(column[roles[role]]) & there
+            if 2 * empty.sum() > there.sum() and not empty.all():
+                out.add(roles[role])
+    return frozenset(out)
+
+
 def _of_day(ns: NDArray[np.int64]) -> bool:
     """Whether times are times of day, not counted from some start."""
     return len(ns) > 0 and bool(np.median(ns) >= OLDEST * 1e9)
@@ -63,9 +79,10 @@ class Taker:
         zoned: Any,
         *,
         comma: bool,
+        sparse: frozenset[str] = frozenset(),
     ) -> None:
         self.layout, self.clock, self.wanted, self.tally = layout, clock, wanted, tally
-        self.zoned, self.comma = zoned, comma
+        self.zoned, self.comma, self.sparse = zoned, comma, sparse
         self.codes: dict[str | None, int] = {}
         if layout.kind != LONG:
             for name in layout.columns:
@@ -126,15 +143,26 @@ class Taker:
         roles: dict[str, str],
     ) -> Rows:
         tally, n = self.tally, len(code)
-        sp, pv, op = (numbers(column[roles[role]], tally, comma=self.comma) for role in NEEDED)
+        sp, pv, op = (self._values(column, roles[role]) for role in NEEDED)
         auto = modes(column[roles["auto"]], tally) if "auto" in roles else _constant(1, np.int8, n)
         quality = qualities(column[roles["quality"]]) if "quality" in roles else _constant(GOOD, np.uint8, n)
+        hold = _constant(0, np.uint8, n)
+        for role, bit in (("sp", HOLD_SP), ("op", HOLD_OP)):
+            if roles[role] in self.sparse:
+                hold = hold | np.where(_empty(column[roles[role]]), bit, 0).astype(np.uint8)
         tally.rows += n
-        out = Rows(code, time, sp, pv, op, auto, quality, row=row)
+        out = Rows(code, time, sp, pv, op, auto, quality, hold, row=row)
         if not good.all():
             tally.bad_time += n - int(good.sum())
             out = out.take(good)
         return out
+
+    def _values(self, column: dict[str, Any], heading: str) -> NDArray[np.float64]:
+        array = column[heading]
+        if heading in self.sparse and is_text(plain(array)):  # empty is no bad value there, and not counted
+            array = plain(array).fill_null("").to_pandas().replace("", None)
+            array = type(column[heading]).from_pandas(array)
+        return numbers(array, self.tally, comma=self.comma)
 
     def _time(self, array: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         clock, array = self.clock, plain(array)

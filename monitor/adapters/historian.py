@@ -18,7 +18,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
-from .batches import Taker, clock_of
+from .batches import Taker, clock_of, sparse_of
 from .cells import codes_of
 from .layouts import LONG, TIME, Layout, layout_of, normal_name
 from .rows import MOST_LINES, Rows, Tally, UnusableError
@@ -61,6 +61,13 @@ class Source:
     headings: tuple[str, ...] = ()
     delimiter: str = ","
     encoding: str = "utf8"
+    sparse: frozenset[str] = frozenset()
+    """Headings of set points and outputs that are written only where they change."""
+
+    @property
+    def comma(self) -> bool:
+        """Whether decimal commas may occur."""
+        return self.format == "csv" and self.delimiter != ","
 
     @property
     def loops(self) -> list[str]:
@@ -125,6 +132,13 @@ def _unusable(name: str, error: BaseException) -> UnusableError:
     return UnusableError(name, line or type(error).__name__)
 
 
+def _with_head(source: Source, first: Any, unit: str | None) -> Source:
+    """Tell by the first rows how the file tells time, and what it writes only on change."""
+    times = None if first is None else first.column(first.schema.get_field_index(source.layout.time))[:_HEAD]
+    clock = clock_of(times, unit, _ZONED, comma=source.comma)
+    return replace(source, clock=clock, sparse=sparse_of(first, source.layout))
+
+
 # ---------------------------------------------------------------------------------------------------
 # Parquet
 
@@ -145,9 +159,9 @@ def _inspect_parquet(path: Path, name: str, names: Collection[str], unit: str | 
     source = Source(
         path, name, stat.st_size, stat.st_mtime_ns, "parquet", layout, Clock("text"), meta.num_rows
     )
-    first = next(file.iter_batches(_HEAD, columns=[layout.time]), None)
-    clock = clock_of(None if first is None else first.column(0), unit, _ZONED, comma=False)
-    return replace(source, clock=clock)
+    wanted = _headings(layout, None)
+    first = next(file.iter_batches(max(64, min(CELLS // len(wanted), _HEAD)), columns=wanted), None)
+    return _with_head(source, first, unit)
 
 
 def _bound(meta: Any, layout: Layout, size: int) -> None:
@@ -203,11 +217,8 @@ def _inspect_csv(path: Path, name: str, names: Collection[str], unit: str | None
         path, name, stat.st_size, stat.st_mtime_ns, "csv", layout, Clock("text"),
         headings=found, delimiter=delimiter, encoding=encoding,
     )  # fmt: skip
-    first = next(_csv_batches(source, [layout.time], lambda _: "skip"), None)
-    clock = clock_of(
-        None if first is None else first[1].column(0)[:_HEAD], unit, _ZONED, comma=delimiter != ","
-    )
-    return replace(source, clock=clock)
+    first = next(_csv_batches(source, _headings(layout, None), lambda _: "skip"), None)
+    return _with_head(source, None if first is None else first[1], unit)
 
 
 def _csv_head(path: Path) -> tuple[tuple[str, ...], str, str]:
@@ -349,7 +360,8 @@ def read(
             wanted,
             tally,
             _ZONED,
-            comma=source.format == "csv" and source.delimiter != ",",
+            comma=source.comma,
+            sparse=source.sparse,
         )
         for row, batch in batches:
             tally.file_rows[source.name] = row + len(batch)

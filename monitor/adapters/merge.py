@@ -19,7 +19,7 @@ from monitor.samples import Samples, join
 
 from .historian import Source, read
 from .layouts import LONG
-from .rows import Rows, Tally, UnusableError, join_rows
+from .rows import HOLD_OP, HOLD_SP, Rows, Tally, UnusableError, join_rows
 from .times import MissingHourError, to_utc
 
 jit: Any = numba.njit(cache=True, nogil=True)
@@ -56,6 +56,8 @@ class _Gate:
         self.values = np.full((loops, 3), np.nan)
         self.mode = np.ones(loops, np.int8)
         self.rows = np.zeros(loops, np.int64)
+        self.held_time = np.full(loops, np.iinfo(np.int64).min)
+        self.held = np.full((loops, 2), np.nan)
 
     def __call__(self, rows: Rows) -> Samples:
         """Return the samples.
@@ -69,8 +71,12 @@ class _Gate:
         keep, auto = np.empty(n, np.bool_), np.empty(n, np.bool_)
         since = np.iinfo(np.int64).min if self.span.since is None else self.span.since
         until = np.iinfo(np.int64).max if self.span.until is None else self.span.until
+        sp, op = rows.sp, rows.op
+        if rows.hold.any():
+            sp, op = sp.copy(), op.copy()
+            _fill(rows.loop, rows.time, rows.hold, sp, op, self.held_time, self.held)
         outside, duplicate, conflict = _pass(
-            rows.loop, rows.time, rows.sp, rows.pv, rows.op, rows.auto, since, until,
+            rows.loop, rows.time, sp, rows.pv, op, rows.auto, since, until,
             self.time, self.values, self.mode, self.rows, keep, auto,
         )  # fmt: skip
         if outside < 0:
@@ -78,7 +84,7 @@ class _Gate:
         self.tally.outside += outside
         self.tally.duplicate += duplicate
         self.tally.conflict += conflict
-        samples = Samples(rows.loop, rows.time, rows.sp, rows.pv, rows.op, auto, rows.quality)
+        samples = Samples(rows.loop, rows.time, sp, rows.pv, op, auto, rows.quality)
         return samples.take(keep) if outside or duplicate else samples
 
 
@@ -106,6 +112,20 @@ def _pass(loop, time, sp, pv, op, auto, since, until, last, values, mode, rows, 
             if _differ(sp[k], values[i, 0]) or _differ(pv[k], values[i, 1]) or _differ(op[k], values[i, 2]):
                 conflict += 1
     return outside, duplicate, conflict
+
+
+@jit
+def _fill(loop, time, hold, sp, op, last, held):  # type: ignore[no-untyped-def]
+    """Put each loop's last set point and output where a row did not write them again (in place)."""
+    for k in range(len(time)):
+        i = loop[k]
+        if time[k] > last[i]:  # a repeated row is left out, and says nothing
+            last[i] = time[k]
+            if hold[k] & HOLD_SP:
+                sp[k] = held[i, 0]
+            if hold[k] & HOLD_OP:
+                op[k] = held[i, 1]
+            held[i, 0], held[i, 1] = sp[k], op[k]
 
 
 @jit

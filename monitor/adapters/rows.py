@@ -20,6 +20,9 @@ MOST_TEXTS = 10_000
 """Different texts in place of values that are told apart."""
 
 
+HOLD_SP, HOLD_OP = 1, 2
+
+
 class UnusableError(ValueError):
     """A file that cannot be used, in one line; ``line`` is 1-based where known."""
 
@@ -47,6 +50,8 @@ class Rows:
     auto: NDArray[np.int8]
     """(N,) 1 automatic, 0 manual, -1 unknown."""
     quality: NDArray[np.uint8]
+    hold: NDArray[np.uint8]
+    """(N,) 1: the set point, 2: OP, 3: both were not written again; the loop's last value holds."""
     row: int = 0
     """Number of the batch's first row in its file."""
 

@@ -291,6 +291,31 @@ def test_mode_is_held_where_a_row_does_not_say(tmp_path: Path) -> None:
     assert all_of(write(shuffled.replace("", None), tmp_path / "d.parquet")).auto.tolist() == held
 
 
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+@pytest.mark.parametrize("shape", ["long", "wide"])
+def test_set_point_and_output_written_only_on_change_are_held(
+    tmp_path: Path, shape: str, suffix: str
+) -> None:
+    """Held in the order of time, whatever the order of rows; a PV is never invented."""
+    data = frame(quality=False)
+    for name in NAMES:
+        own = data["loop"] == name
+        data.loc[own, "sp"] = np.where(np.arange(own.sum()) < 15, 50.0, 55.0)
+        data.loc[own, "op"] = np.floor(np.arange(own.sum()) / 4)
+    changed = data.groupby("loop")[["sp", "op"]].diff().ne(0)
+    cells = data.assign(sp=data["sp"].where(changed["sp"]), op=data["op"].where(changed["op"]))
+    cells.loc[[16, 17], "pv"] = np.nan  # where OP is written: a wide row with nothing in it is none
+    wanted = samples_of(data.assign(pv=cells["pv"]))
+    shaped = wide(cells) if shape == "wide" else cells
+    for k, rows in enumerate((shaped, shaped[::-1])):
+        tally = Tally()
+        path = write(rows, tmp_path / f"d{k}{suffix}")
+        assert sources(path)[0].sparse
+        equal(all_of(path, tally=tally), wanted)
+        assert tally.bad_texts == (2 if suffix == ".csv" else 0)
+    assert not sources(write(data, tmp_path / f"full{suffix}"))[0].sparse
+
+
 # -- cells ------------------------------------------------------------------------------------------
 
 

@@ -418,7 +418,7 @@ EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def time_of(value: float | str | None, default: int) -> int:
-    """Return the time of a sample [ns]: ISO text (naive = UTC), epoch seconds, else the default.
+    """Return the time of a sample [ns]: ISO text (naive = UTC), epoch seconds, else the default; 0 out of range.
 
     Raises
     ------
@@ -431,7 +431,8 @@ def time_of(value: float | str | None, default: int) -> int:
         when = datetime.fromisoformat(value)
         when = when.replace(tzinfo=UTC) if when.tzinfo is None else when
         delta = when - EPOCH
-        return ((delta.days * 86_400 + delta.seconds) * 1_000_000 + delta.microseconds) * 1000
+        time = ((delta.days * 86_400 + delta.seconds) * 1_000_000 + delta.microseconds) * 1000
+        return time if abs(time) <= LATEST else 0
     # as `seconds_to_ns`, at a tenth of its cost
     return round(value * 1e6) * 1000 if math.isfinite(value) and abs(value) < LATEST * 1e-9 else 0
 

@@ -34,7 +34,8 @@ def rows_of(samples: Samples) -> list[tuple]:
     """Samples as rows that compare equal where both are NaN."""
     columns = (samples.loop, samples.time, samples.sp, samples.pv, samples.op, samples.auto, samples.quality)
     return [
-        tuple(None if v != v else v for v in row) for row in zip(*(c.tolist() for c in columns), strict=True)
+        tuple(None if math.isnan(v) else v for v in row)
+        for row in zip(*(c.tolist() for c in columns), strict=True)
     ]
 
 
@@ -76,7 +77,9 @@ class Twin:
                 continue
             if kind == TAG_PV:
                 values = hold[TAG_SP][1], values[1], hold[TAG_OP][1], bool(hold[TAG_AUTO][1])
-            out.append((int(x["loop"]), time, *(None if v != v else v for v in values), int(x["quality"])))
+            out.append(
+                (int(x["loop"]), time, *(None if math.isnan(v) else v for v in values), int(x["quality"]))
+            )
         return out
 
 
@@ -225,7 +228,8 @@ def test_a_sample_is_made_at_each_pv_of_the_latest_others():
         [
             entries(
                 entry(0, TAG_SP, sp=50.0), entry(0, TAG_OP, op=10.0), entry(0, TAG_PV, pv=1.0),
-                entry(5, TAG_PV, pv=2.0), entry(5, TAG_OP, op=11.0), entry(6, TAG_AUTO, auto=0), entry(5.5, TAG_SP, sp=60.0),
+                entry(5, TAG_PV, pv=2.0), entry(5, TAG_OP, op=11.0), entry(6, TAG_AUTO, auto=0),
+                entry(5.5, TAG_SP, sp=60.0),
                 entry(4000, TAG_PV, pv=3.0),
             )
         ],

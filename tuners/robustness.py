@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tuners.loops import BEND, LOG_POINTS, Loops, coefficients, grid, high_end, span
+from tuners.loops import BEND, HIGH_LEVEL, LOG_POINTS, Loops, coefficients, grid, high_end, span
 from tuners.models import Array, FloatOrArray, IntegratingModel, Model, Plant, Process, SelfRegulatingModel
 from tuners.responses import Response, closed_loop_response
 from tuners.settings import Settings
@@ -205,7 +205,7 @@ def _groups(loops: Loops, high: Array) -> list[tuple[int, np.ndarray]]:
     return result
 
 
-def _needed(loops: Loops, low: Array, high: Array) -> Array:
+def _needed(loops: Loops, low: Array, high: Array, full: bool) -> Array:
     """Highest frequency [rad/s] that can matter for Ms, after a first look below one turn of the dead time.
 
     What has been seen there is a lower bound of Ms: beyond the frequency where abs(L) falls below 1 - 1/Ms
@@ -217,7 +217,8 @@ def _needed(loops: Loops, low: Array, high: Array) -> Array:
     turning, trimmed = loops.take(index), high.copy()
     re, im = turning.parts(grid(turning, low[index], BEND / turning.dead_time, 0)[::2])
     seen = np.sqrt(((1 + re) ** 2 + im * im).min(axis=0))
-    level = np.clip(1 - seen, ACCURACY, 0.9)
+    # The margins are exact down to the same level of abs(L) as everywhere.
+    level = np.clip(1 - seen, ACCURACY, HIGH_LEVEL if full else 0.9)
     end = high_end(turning, level)
     # The bound is generous; abs(L) itself, which is smooth out there, says how far it really is.
     steps = grid(turning, 5 / turning.dead_time, end, 0)[::4]
@@ -242,8 +243,7 @@ def _analyse(loops: Loops, full: bool) -> _Found:
     out = _nothing_found(count)
     known = np.isfinite(loops.g + loops.a1 + loops.a2 + loops.dead_time + loops.lags.sum(axis=0))
     low, high = span(loops)
-    needed = _needed(loops, low, high)
-    high = np.maximum(high, needed) if full else needed
+    high = _needed(loops, low, high, full)
     final = _final_gain(loops)
     idle = known & (loops.g == 0)
     index = np.flatnonzero(known & ~idle)

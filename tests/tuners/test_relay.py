@@ -15,6 +15,17 @@ def test_kaya_1999_printed_check():
     assert (ipdt.dead_time, ipdt.gain) == pytest.approx((3.9862, 0.8262), abs=6e-5)
 
 
+def test_switching_instants():
+    """PV passes 0 a dead time before each edge of the relay arrives, and the cycle is symmetric."""
+    found = relay_ifopdt(0.7, 1.5, 14.0, 1.5 * 0.7 * 2.9)
+    lag, theta, q = found.lag, found.dead_time, 7.0
+    assert lag > 0.5
+    # Between edges PV = K h (t - q/2 - lag + 2 lag e^(-t/lag)/(1 + e^(-q/lag))), counted from the last arrival.
+    pv = [t - q / 2 - lag * (1 - 2 * np.exp(-t / lag) / (1 + np.exp(-q / lag))) for t in (0.0, q - theta, q)]
+    assert pv[1] == pytest.approx(0, abs=1e-9)
+    assert pv[0] == pytest.approx(-pv[2])
+
+
 def relay_test(model, relay, dt=0.002):
     """Plain simulation of the limit cycle: period and amplitude of its last cycle."""
     delay = round(model.dead_time / dt)

@@ -294,6 +294,21 @@ def test_amigo_has_its_integrating_limit():
         assert (first.kp, first.ti, first.td) == pytest.approx((second.kp, second.ti, second.td), rel=4e-3)
 
 
+def test_self_regulating_rules_by_hand():
+    """theta = 2, T = 4, K = 0.5: figures from the formulas, worked by hand."""
+    model = SelfRegulatingModel(0.5, 2.0, 4.0)
+    expected = {
+        "amigo-pi": (2 * (0.15 + (0.35 - 8 / 36) * 2), 0.7 + 13 * 32 / (16 + 96 + 28), 0),
+        "amigo": (2 * (0.2 + 0.9), 2 * (0.8 + 3.2) / 2.4, 4 / 4.6),
+        "imc-pid-first-order": (10 / (0.5 * 5.2), 5, 0.8),
+        "ziegler-nichols-step": (1.2 / 0.25, 4, 1),
+        "ziegler-nichols-step-pi": (0.9 / 0.25, 2 / 0.3, 0),
+    }
+    for name, values in expected.items():
+        settings = RULES[name].function(model)
+        assert (settings.kp, settings.ti, settings.td) == pytest.approx(values), name
+
+
 def test_amigo_pi_aims_at_ms_1_4():
     assert peak_sensitivity(UNIT, RULES["amigo-pi"].function(UNIT)) == pytest.approx(1.4, abs=0.05)
 

@@ -1,0 +1,166 @@
+"""SQLite: what is committed stays, what fails says so in one line."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+
+import pytest
+
+from monitor.adapters.store import VERSION, Store, StoreError
+
+
+@pytest.fixture
+def store(tmp_path):
+    s = Store(tmp_path)
+    yield s
+    s.close()
+
+
+def keep(store: Store, n: int, key: str = "plant/L") -> None:
+    with store.transaction():
+        for k in range(n):
+            store.keep_assessment(f"id{k}", key, k * 10, b"{%d}" % k, b"w%d" % k)
+
+
+def test_kept_is_there_after_reopening(tmp_path):
+    """Events, assessments with their evidence, suggestions, rows; the same again replaces, but for suggestions."""
+    store = Store(tmp_path)
+    for _ in range(2):
+        with store.transaction():
+            store.keep_event("e", "plant/L", 5, b"{}")
+            store.keep_suggestion("plant/L", b"{}")
+            store.keep_row("plant/L", b"row")
+    keep(store, 3)
+    keep(store, 3)
+    store.close()
+    store = Store(tmp_path)
+    assert store.counts() == {"event": 1, "assessment": 3, "suggestion": 2}
+    assert store.rows() == {"plant/L": b"row"}
+    assert store.window("id1") == ("plant/L", b"w1")
+    assert store.window("nobody") is None
+    store.close()
+
+
+def test_assessments_by_time_and_limit(store):
+    """Half-open, oldest first, the newest where there are more than asked for; of one loop only."""
+    keep(store, 5)
+    assert [i for i, _ in store.assessments("plant/L")] == [f"id{k}" for k in range(5)]
+    assert [i for i, _ in store.assessments("plant/L", since=10, until=30)] == ["id1", "id2"]
+    assert [i for i, _ in store.assessments("plant/L", limit=2)] == ["id3", "id4"]
+    assert store.assessments("plant/M") == []
+    with pytest.raises(StoreError):
+        store.assessments("plant/L", since=2**80)
+
+
+@pytest.mark.parametrize(
+    "name", ["../../etc/x", "'; DROP TABLE event; --", "%", "_", "\x00", "ü" * 100, "a\nb"]
+)
+def test_keys_are_data(store, name):
+    """No key does anything but name its own rows."""
+    keep(store, 2, name)
+    assert len(store.assessments(name)) == 2
+    assert store.assessments("plant/L") == []
+    assert store.counts()["event"] == 0
+
+
+def test_all_or_nothing(store):
+    """An error inside a transaction, of whatever kind, keeps none of it, and the next one works."""
+    for wrong in (
+        lambda: store.keep_event("e", "k", 2**80, b""),
+        lambda: store.keep_event("e", "k", object(), b""),
+    ):
+        with pytest.raises((OverflowError, StoreError)), store.transaction():  # noqa: PT012 (both or none)
+            store.keep_row("k", b"half")
+            wrong()
+        assert store.rows() == {}
+    with store.transaction():
+        store.keep_row("k", b"whole")
+    assert store.rows() == {"k": b"whole"}
+
+
+def test_a_lock_is_an_error_soon_and_goes(store, tmp_path):
+    """Another connection's transaction: refused within a second, then fine."""
+    other = sqlite3.connect(tmp_path / "loopsight.sqlite", isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    with pytest.raises(StoreError, match="locked"), store.transaction():
+        pass
+    other.execute("COMMIT")
+    other.close()
+    keep(store, 1)
+
+
+def test_a_read_only_or_full_file_is_an_error_and_recovers(store):
+    """Writes fail with the reason, what is kept can be read, and writing works again afterwards."""
+    keep(store, 1)
+    store._db.execute("PRAGMA query_only=ON")
+    with pytest.raises(StoreError, match="readonly"), store.transaction():
+        store.keep_row("k", b"x")
+    store._db.execute("PRAGMA query_only=OFF")
+    pages = store._db.execute("PRAGMA page_count").fetchone()[0]
+    store._db.execute(f"PRAGMA max_page_count={pages}")
+    with pytest.raises(StoreError, match="full"), store.transaction():
+        store.keep_row("k", b"x" * 100_000)
+    assert len(store.assessments("plant/L")) == 1
+    store._db.execute("PRAGMA max_page_count=1000000")
+    with store.transaction():
+        store.keep_row("k", b"x" * 100_000)
+
+
+def test_files_that_are_none(tmp_path):
+    """A damaged file, one of another version, a folder that is a file: one line with the path."""
+    folder = tmp_path / "a"
+    folder.mkdir()
+    (folder / "loopsight.sqlite").write_bytes(b"not a database" * 100)
+    with pytest.raises(StoreError, match=r"a.loopsight.sqlite: file is not a database"):
+        Store(folder)
+    Store(tmp_path / "b").close()
+    with sqlite3.connect(tmp_path / "b" / "loopsight.sqlite") as db:
+        db.execute(f"PRAGMA user_version={VERSION + 1}")
+    db.close()
+    with pytest.raises(StoreError) as error:
+        Store(tmp_path / "b")
+    assert str(error.value).count("loopsight.sqlite") == 1
+    assert "another version" in str(error.value)
+    (tmp_path / "c").write_text("")
+    with pytest.raises(StoreError, match=r"loopsight\.sqlite"):
+        Store(tmp_path / "c")
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from monitor.adapters.store import Store
+store = Store(Path(sys.argv[1]))
+n = 0
+while True:
+    with store.transaction():
+        for _ in range(5):
+            store.keep_assessment(f"id{n}", "plant/L", n, b"x" * 500, b"w" * 5000)
+            n += 1
+    print(n, flush=True)
+"""
+
+
+@pytest.mark.parametrize("kills", [3, pytest.param(20, marks=pytest.mark.slow)])
+def test_what_was_acknowledged_survives_a_kill(tmp_path, kills):
+    """SIGKILL in the middle of commits: every transaction that was acknowledged is whole, and none is half."""
+    for k in range(kills):
+        folder = tmp_path / str(k)
+        writer = subprocess.Popen([sys.executable, "-c", WRITER, str(folder)], stdout=subprocess.PIPE)
+        assert writer.stdout is not None
+        for _ in range(10 + 7 * k):
+            acknowledged = int(writer.stdout.readline())
+        os.kill(writer.pid, signal.SIGKILL)
+        writer.wait()
+        rest = writer.stdout.read().split()
+        writer.stdout.close()
+        acknowledged = max(acknowledged, *(int(x) for x in rest if x.isdigit()), 0)
+        store = Store(folder)
+        kept = store.counts()["assessment"]
+        assert kept >= acknowledged
+        assert kept % 5 == 0
+        store.close()

@@ -136,9 +136,7 @@ def judge(spec: LoopSpec) -> Outcome:
         ti = kp / stage["ki"] if stage.get("ki") else stage.get("ti")
         td = stage["kd"] / kp if "kd" in stage else stage["td"]
         stages.append(true_ms(spec, controller_of(spec, kp, ti, td, stage["tf"])))
-    return Outcome(
-        spec, row, reason, before, after, max(stages), true_ci(spec, new) if after < 10 else 0.0
-    )
+    return Outcome(spec, row, reason, before, after, max(stages), true_ci(spec, new) if after < 10 else 0.0)
 
 
 def main() -> None:
@@ -154,7 +152,9 @@ def main() -> None:
         print("  .. unstable         ", int(np.isinf(ms).sum()))
         print(f"  .. Ms above {MOST_MS}     ", int((ms > MOST_MS).sum()))
         print("  .. worst Ms, median ", np.round(np.sort(ms)[-5:], 2), np.round(np.median(ms), 2))
-        print("  .. stage above 3    ", sum(1 for o in given if o.ms_stages is not None and o.ms_stages > 3.0))
+        print(
+            "  .. stage above 3    ", sum(1 for o in given if o.ms_stages is not None and o.ms_stages > 3.0)
+        )
         print(f"  .. CI reaches {LEAST_CI}   ", sum(1 for o in given if (o.ci_after or 0) >= LEAST_CI))
         bad = [o for o in outcomes if o.row.verdict == "good" and o.ms_before > 3.2]
         print("  good though Ms > 3.2", len(bad))

@@ -449,7 +449,10 @@ def test_a_bad_sample_is_counted_and_changes_nothing(case, at):
     expected = without.run(head)
     assert state_without_counts(with_it) == state_without_counts(without)
     assert with_it.state[0][cause] == 1
-    assert sum(int(with_it.state[0][n]) for n in ("ok", "bad_value", "bad_quality", "duplicate", "late")) == at + 1
+    assert (
+        sum(int(with_it.state[0][n]) for n in ("ok", "bad_value", "bad_quality", "duplicate", "late"))
+        == at + 1
+    )
     assert as_bytes(found + with_it.run(tail)) == as_bytes(expected + without.run(tail))
 
 

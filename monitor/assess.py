@@ -18,10 +18,11 @@ from tuners.settings import NotRepresentableError, Settings
 
 from .closedloop import REPRODUCES, indirect_fit, reproduces
 from .identify import INTEGRATING, SELF_REGULATING, Array, Fit, decide, fit_window, setpoint_integrals
-from .kernel import CAUSES, INTERRUPTED, SETTLED, STATES
+from .kernel import CAUSES, INTERRUPTED, LOAD_STEP, SETPOINT_STEP, SETTLED, STATES
 from .loops import Loop
 from .records import GOOD, INCONCLUSIVE, RETUNE, Assessment, event_id
 from .reference import (
+    LOAD,
     SETPOINT,
     closed_loop_time,
     held,
@@ -39,6 +40,12 @@ MOST_SATURATION = 0.1
 LEAST_FIT = 0.95
 """Share of PV's variance that a model must explain before anything rests on it: 3 % of noise costs about 1 %,
 a load step in the middle of the window 10 % and more, and with it the gain is wrong by a factor."""
+NOISY = 0.015
+"""Residuals, as a share of PV's range, from which the direct fit's bias outweighs the mismatch of the indirect one."""
+LEAST_FIT_IN_NOISE = 0.7
+"""The same for a small step, where what is left over is no larger than the noise before it."""
+LIKE_NOISE = 1.3
+"""Residuals up to this many standard deviations of the error when quiet are noise."""
 WIDEST_GAIN = 2.0
 """Ratio of the ends of the gain's 95 % interval above which no verdict and no suggestion rests on it."""
 LEAST_PERIODS = 4.0
@@ -61,6 +68,8 @@ class Finding:
     fit: Fit | None
     usable: bool
     """The fit may carry a suggestion."""
+    is_event: bool
+    """False for a suspected load step that no step explains: a disturbance of another shape."""
     noise: float
     """Standard deviation of PV's noise before the event [PV]."""
     period: float
@@ -81,6 +90,7 @@ def assess_event(loop: Loop, form: str, event: Any, window: Array) -> Finding:
     window
         (n, 4) time [s], SP, PV [PV], OP held [OP].
     """
+    load = event["kind"] == LOAD_STEP
     fit, decided = _identify(loop, form, event, window)
     against = _against(loop, event, fit, decided)
     iae = float(event["iae"])
@@ -91,18 +101,24 @@ def assess_event(loop: Loop, form: str, event: Any, window: Array) -> Finding:
         verdict, reason = INCONCLUSIVE, "; ".join(against)
     else:
         assert fit is not None and model is not None  # noqa: S101, PT018 (what _against makes sure of)
-        verdict, reason = judge(loop, form, model, ci, ms, overshoot(event, window))
+        over = 0.0 if load else overshoot(event, window)
+        verdict, reason = judge(loop, form, model, (None, ci) if load else (ci, None), ms, over)
         reason = "; ".join(filter(None, [reason, _ended(event)]))
     gain_integrals, t0_integrals = _by_integrals(event, fit)
     record = Assessment(
         loop=loop.name,
         id=event_id(loop.name, int(event["onset"])),
         event=int(event["number"]),
-        kind=SETPOINT,
-        start=int(event["onset"]),
+        kind=LOAD if load else SETPOINT,
+        start=int(event["onset"])
+        + (round(fit.onset * 1e9) if fit is not None and fit.onset is not None else 0),
         end=int(event["end"]),
         state=STATES[event["state"]],
-        amplitude=float(event["amplitude"]),
+        amplitude=float(event["amplitude"])
+        if not load
+        else fit.size
+        if fit is not None and fit.size
+        else 0.0,
         iae=iae,
         ci=ci,
         process=fit.process if fit is not None and decided else "undecided",
@@ -117,7 +133,19 @@ def assess_event(loop: Loop, form: str, event: Any, window: Array) -> Finding:
         **({} if fit is None else model_fields(fit)),
     )
     return Finding(
-        record, fit, fit is not None and not against, float(event["noise"]), float(event["period"])
+        record,
+        fit,
+        usable=fit is not None and not against,
+        is_event=not load or (fit is not None and _explained(fit, event)),
+        noise=float(event["noise"]),
+        period=float(event["period"]),
+    )
+
+
+def _explained(fit: Fit, event: Any) -> bool:
+    """Whether the model leaves nothing but noise: by its share of PV's variance, or by the residuals' size."""
+    return fit.quality >= LEAST_FIT or (
+        fit.quality >= LEAST_FIT_IN_NOISE and fit.sigma <= LIKE_NOISE * float(event["sd_e"])
     )
 
 
@@ -147,18 +175,21 @@ def coverage(event: Any) -> float:
 def _identify(loop: Loop, form: str, event: Any, window: Array) -> tuple[Fit | None, bool]:
     """Fit the kinds of process that the loop may be; return the best and whether the kind is beyond doubt.
 
-    Directly first; then, where the known settings reproduce OP, by simulating the closed loop.
+    Directly first. Under noise the direct fit is biased, because noise travels round the loop; then, where the
+    known settings reproduce OP, the closed loop is simulated (which minds a wrong order of the model more).
     """
     kinds = [INTEGRATING, SELF_REGULATING] if loop.process == "auto" else [loop.process]
-    before, span = int(event["before"]), float(window[-1, 0])
-    direct = [f for f in (fit_window(window, before, kind) for kind in kinds) if f is not None]
+    before, span, load = int(event["before"]), float(window[-1, 0]), event["kind"] == LOAD_STEP
+    direct = [f for f in (fit_window(window, before, kind, load) for kind in kinds) if f is not None]
     best, decided = decide(direct, span)
     settings = settings_of(loop, form)
-    if settings is None or best is None or reproduces(window, settings, float(event["period"])) < REPRODUCES:
+    if settings is None or best is None or best.sigma < NOISY * float(np.ptp(window[:, 2])):
+        return best, decided
+    if reproduces(window, settings, float(event["period"])) < REPRODUCES:
         return best, decided
     starts = [best] if decided else direct
     fits = [indirect_fit(window, before, float(event["period"]), settings, f) for f in starts]
-    better = [f for f in fits if f is not None and f.quality >= LEAST_FIT]
+    better = [f for f in fits if f is not None and _explained(f, event)]
     if not better:
         return best, decided
     chosen, sure = decide(better, span)
@@ -167,7 +198,8 @@ def _identify(loop: Loop, form: str, event: Any, window: Array) -> tuple[Fit | N
 
 def _by_integrals(event: Any, fit: Fit | None) -> tuple[float | None, float | None]:
     """Gain and T0 by the running integrals, where they hold: an integrator, settled, from a quiet start."""
-    if fit is None or fit.process != INTEGRATING or STATES[event["state"]] != SETTLED or not event["quiet"]:
+    quiet = STATES[event["state"]] == SETTLED and event["quiet"] and event["kind"] == SETPOINT_STEP
+    if fit is None or fit.process != INTEGRATING or not quiet:
         return None, None
     gain, t0 = setpoint_integrals(*(float(event[n]) for n in ("amplitude", "s1", "s2", "y1")))
     return (gain, t0) if math.isfinite(gain) else (None, None)
@@ -203,7 +235,7 @@ def _against(loop: Loop, event: Any, fit: Fit | None, decided: bool) -> list[str
         return [*reasons, "no model: OP or PV did not move, or the event is too short"]
     if not decided:
         reasons.append("undecided: an integrating and a self-regulating model fit equally well")
-    if fit.quality < LEAST_FIT:
+    if not _explained(fit, event):
         reasons.append(f"a model explains only {fit.quality:.0%} of PV's movement: something else moved it")
     if fit.process == SELF_REGULATING and fit.t0 < RESOLVED * event["period"]:
         reasons.append(
@@ -227,7 +259,7 @@ def _ended(event: Any) -> str:
 
 
 def index(loop: Loop, event: Any, fit: Fit) -> float | None:
-    """CI_sp: the reference's IAE over the measured one (its noise's share taken off); None where none applies.
+    """CI_sp or CI_ld: the reference's IAE over the measured one (its noise's share taken off); None where none applies.
 
     Of an event that was cut short the IAE is a lower bound, so CI is an upper one; it is given only where
     the error had died down to a tenth of the step.
@@ -240,7 +272,8 @@ def index(loop: Loop, event: Any, fit: Fit) -> float | None:
     structure = reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), float(event["period"]))
     try:
-        best = reference_iae(SETPOINT, float(event["amplitude"]), model, structure, tc, loop.b, loop.c)
+        kind, size = (SETPOINT, float(event["amplitude"])) if fit.size is None else (LOAD, fit.size)
+        best = reference_iae(kind, size, model, structure, tc, loop.b, loop.c)
     except ValueError:
         return None
     iae = float(event["iae"] - event["iae_noise"])
@@ -286,24 +319,29 @@ def trap(loop: Loop, form: str, model: Model | None) -> str:
 
 
 def judge(
-    loop: Loop, form: str, model: Model, ci: float | None, ms: float | None, over: float
+    loop: Loop, form: str, model: Model, ci: tuple[float | None, float | None], ms: float | None, over: float
 ) -> tuple[str, str]:
-    """Verdict and reason for a loop or event whose evidence is trusted."""
+    """Verdict and reason for a loop or event whose evidence is trusted.
+
+    ``ci`` is (CI_sp, CI_ld); the loop's objective says which of them count.
+    """
     if loop.objective == "averaging":
         return _judge_averaging(loop, form, model, ms)
     reasons = []
     if ms is not None and ms > MARGIN * loop.ms_max:
         said = "unstable on the model" if math.isinf(ms) else f"Ms = {ms:.2f}"
         reasons.append(f"too close to instability: {said} ({MARGIN * loop.ms_max:.3g} at most)")
-    slow = ci is not None and ci < loop.ci_min
-    if slow:
-        shape = f", overshoot {over:.0%}" if over > 0.1 else ""
-        reasons.append(f"slow to follow: CI_sp = {ci:.2f} ({loop.ci_min:.2g} at least{shape})")
+    wanted = {SETPOINT: ci[:1], LOAD: ci[1:]}.get(loop.objective, ci)
+    names = ("slow to follow: CI_sp", "slow to recover from a load: CI_ld")
+    shape = f", overshoot {over:.0%}" if over > 0.1 else ""
+    for value, name in zip(ci, names, strict=True):
+        if value is not None and value in wanted and value < loop.ci_min:
+            reasons.append(f"{name} = {value:.2f} ({loop.ci_min:.2g} at least{shape})")
     if reasons:
         cause = trap(loop, form, model)
         return RETUNE, "; ".join([*reasons, cause] if cause else reasons)
-    if ci is None:
-        return INCONCLUSIVE, "no index: the event ended before the loop had followed the step"
+    if all(value is None for value in ci):
+        return INCONCLUSIVE, "no index: the event ended before the loop had come to rest"
     return GOOD, ""
 
 

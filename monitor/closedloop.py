@@ -8,7 +8,7 @@ Ljung 1999, ch. 13), but needs settings and form that reproduce the loop's OP.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -66,9 +66,7 @@ def reproduces(window: Array, settings: Settings, period: float) -> float:
     return 1.0 - float(np.var(op - wish)) / spread if spread > 0 else -math.inf
 
 
-def indirect_fit(
-    window: Array, before: int, period: float, settings: Settings, start: Fit, onset: float | None = None
-) -> Fit | None:
+def indirect_fit(window: Array, before: int, period: float, settings: Settings, start: Fit) -> Fit | None:
     """Fit the model by simulating the closed loop, from the direct fit on.
 
     Parameters
@@ -82,26 +80,27 @@ def indirect_fit(
     settings
         Of the controller, in any form.
     start
-        The direct fit: kind of process and first guess.
-    onset
-        First guess of a load step's onset [s]; None for a set-point step.
+        The direct fit: kind of process, first guess, and whether a load stepped.
 
     Returns
     -------
     Fit or None
         None where the window does not lie on a regular grid or nothing better than the guess is found.
     """
-    case = _case(window, before, period, settings, start, load=onset is not None)
+    case = _case(window, before, period, settings, start)
     if case is None:
         return None
-    p = np.array([math.log(abs(start.gain)), start.lag, start.dead_time] + ([] if onset is None else [onset]))
+    p = np.array(
+        [math.log(abs(start.gain)), start.lag, start.dead_time, *([start.onset] if case.load else [])]
+    )
     sign = math.copysign(1.0, start.gain)
-    p, residual = _levenberg_marquardt(case, p, sign, start.lag2)
+    p, residual, size = _levenberg_marquardt(case, p.astype(np.float64), sign, start.lag2)
     if not np.isfinite(residual).all():
         return None
-    here, jacobian = _jacobian(case, p, sign, start.lag2, residual)
+    jacobian = _jacobian(case, p, sign, start.lag2, residual)
     model = (sign * math.exp(p[0]), float(p[1]), float(p[2]), start.lag2)
-    return with_uncertainty(start.process, model, case.time, case.y, here, jacobian, INDIRECT)
+    fit = with_uncertainty(start.process, model, case.time, case.y, residual, jacobian, INDIRECT)
+    return replace(fit, size=size, onset=float(p[3])) if case.load else fit
 
 
 def _standard(settings: Settings) -> tuple[float, float, float, float, float, float] | None:
@@ -112,10 +111,8 @@ def _standard(settings: Settings) -> tuple[float, float, float, float, float, fl
     return float(s.kp), float(s.ki), float(s.kd), float(s.filter_time), float(s.b), float(s.c)
 
 
-def _case(
-    window: Array, before: int, period: float, settings: Settings, start: Fit, load: bool
-) -> _Case | None:
-    controller = _standard(settings)
+def _case(window: Array, before: int, period: float, settings: Settings, start: Fit) -> _Case | None:
+    controller, load = _standard(settings), start.onset is not None
     if controller is None or period <= 0:
         return None
     t, sp, pv, _ = window.T
@@ -135,8 +132,8 @@ def _case(
     )  # fmt: skip
 
 
-def _residual(case: _Case, p: Array, sign: float, lag2: float) -> Array:
-    """PV less the simulated one, a constant (and the load's size) fitted; (n,) [PV]."""
+def _residual(case: _Case, p: Array, sign: float, lag2: float) -> tuple[Array, float]:
+    """PV less the simulated one, a constant (and the load's size) fitted; (n,) [PV], and that size [OP]."""
     gain, lag, dead_time = sign * math.exp(min(p[0], 700.0)), max(p[1], 0.0), max(p[2], 0.0)
     disturbance = np.zeros(0)
     if case.load:
@@ -144,51 +141,52 @@ def _residual(case: _Case, p: Array, sign: float, lag2: float) -> Array:
         disturbance = load_response(grid - p[3], case.kind, gain, dead_time, lag, lag2)
     y = closed_loop(case.r, case.period, case.kind, gain, dead_time, lag, lag2, *case.controller, disturbance)
     simulated = np.where(case.at >= 0, y[np.maximum(case.at, 0)], 0.0)
-    if case.load:
-        columns = np.column_stack([np.ones(len(simulated)), simulated])
-        best, *_ = np.linalg.lstsq(columns, case.y, rcond=None)
-        return np.asarray(case.y - columns @ best)
-    rest = case.y - simulated
-    return np.asarray(rest - rest.mean())
+    if not case.load:
+        rest = case.y - simulated
+        return np.asarray(rest - rest.mean()), 0.0
+    moved = simulated - simulated.mean()
+    power = float(moved @ moved)
+    size = float(moved @ case.y) / power if power > 0 and math.isfinite(power) else 0.0
+    return np.asarray(case.y - case.y.mean() - size * moved), size
 
 
-def _jacobian(case: _Case, p: Array, sign: float, lag2: float, residual: Array) -> tuple[Array, Array]:
-    """Residual, and (n, k): PV's change per unit of ln gain, lag, dead time [and onset]."""
+def _jacobian(case: _Case, p: Array, sign: float, lag2: float, residual: Array) -> Array:
+    """(n, k): PV's change per unit of ln gain, lag, dead time [and onset]."""
     scale = abs(p[1]) + abs(p[2]) + 0.2 * case.period
     # secants of 5 %: at a lag of zero the tangents of lag and dead time coincide
-    steps = np.array([0.01, 0.05 * scale, 0.05 * scale] + [0.02 * scale] * (len(p) - 3))
+    steps = np.array([0.01, 0.05 * scale, 0.05 * scale, 0.05 * scale])[: len(p)]
     columns = []
     for k, step in enumerate(steps):
         q = p.copy()
         q[k] += step
-        columns.append((residual - _residual(case, q, sign, lag2)) / step)
-    return residual, np.column_stack(columns)
+        columns.append((residual - _residual(case, q, sign, lag2)[0]) / step)
+    return np.column_stack(columns)
 
 
-def _levenberg_marquardt(case: _Case, p: Array, sign: float, lag2: float) -> tuple[Array, Array]:
-    """Least squares in (ln gain, lag, dead time[, onset]); times are kept at 0 or above."""
-    residual = _residual(case, p, sign, lag2)
+def _levenberg_marquardt(case: _Case, p: Array, sign: float, lag2: float) -> tuple[Array, Array, float]:
+    """Least squares in (ln gain, lag, dead time[, onset]), times at 0 or above: optimum, residual, load's size."""
+    residual, size = _residual(case, p, sign, lag2)
     cost, damping = float(residual @ residual), 1e-3
     for _ in range(ITERATIONS):
         if not math.isfinite(cost):
             break
-        _, j = _jacobian(case, p, sign, lag2, residual)
+        j = _jacobian(case, p, sign, lag2, residual)
         if not np.isfinite(j).all():
             break
         normal, slope = j.T @ j, j.T @ residual
-        moved = False
+        gained = 0.0
         for _ in range(8):
             step = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal) + 1e-300), slope, rcond=None)[0]
             q = p + step
             q[0] = np.clip(q[0], p[0] - 1.0, p[0] + 1.0)
             q[1:3] = np.maximum(q[1:3], 0.0)
-            trial = _residual(case, q, sign, lag2)
+            trial, trial_size = _residual(case, q, sign, lag2)
             value = float(trial @ trial)
             if value < cost:
-                gained, moved = cost - value, True
-                p, residual, cost, damping = q, trial, value, max(damping / 5, 1e-9)
+                gained = cost - value
+                p, residual, size, cost, damping = q, trial, trial_size, value, max(damping / 5, 1e-9)
                 break
             damping *= 4
-        if not moved or gained < 1e-7 * cost:
+        if gained < 1e-7 * cost or gained == 0.0:
             break
-    return p, residual
+    return p, residual, size

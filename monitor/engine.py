@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import msgspec
@@ -21,13 +21,14 @@ from .advise import Advice, Withheld, advise
 from .assess import Finding, assess_event, current_sensitivity, judge, model_fields
 from .detect import Detector
 from .identify import Array, combine, contradictory, model_response
-from .kernel import CLOSED, COUNTS, STATES
+from .kernel import CLOSED, COUNTS, LOAD_STEP, STATES
 from .loops import FORMS, Loop, LoopTable
 from .records import (
     GOOD,
     INCONCLUSIVE,
     RETUNE,
     WORST_FIRST,
+    Assessment,
     Event,
     LoopRow,
     Record,
@@ -35,7 +36,7 @@ from .records import (
     Window,
     event_id,
 )
-from .reference import SETPOINT, model_of
+from .reference import LOAD, SETPOINT, model_of
 from .samples import Samples
 
 KEPT = 20
@@ -66,6 +67,8 @@ class Engine:
         self.detector = Detector(list(loops))
         self._cases: dict[int, _Case] = {}
         self._pending: list[tuple[Any, Array]] = []
+        self.disturbances = 0
+        """Suspected load steps that no step explains."""
 
     def add(self, loop: Loop) -> int:
         """Watch one more loop; return its row.
@@ -110,21 +113,28 @@ class Engine:
         return self._take(self.detector.flush()) + self.assess()
 
     def _take(self, found: list[tuple[Any, Array]]) -> list[Record]:
+        """Report openings and closings; a suspected load step is reported when it has proved to be one."""
         records: list[Record] = []
         for event, window in found:
             closed = event["what"] == CLOSED
-            loop = self.loops[int(event["loop"])]
-            records.append(
-                Event(
-                    id=event_id(loop.name, int(event["onset"])),
-                    loop=loop.name,
-                    kind=SETPOINT,
-                    state=STATES[event["state"]] if closed else "open",
-                    start=int(event["onset"]),
-                    end=int(event["end"]) if closed else None,
-                    amplitude=float(event["amplitude"]),
+            if event["kind"] != LOAD_STEP:
+                onset = int(event["onset"])
+                loop = self.loops[int(event["loop"])].name
+                state = STATES[event["state"]] if closed else "open"
+                end = int(event["end"]) if closed else None
+                step = float(event["amplitude"])
+                identity = event_id(loop, onset)
+                records.append(
+                    Event(
+                        id=identity,
+                        loop=loop,
+                        kind=SETPOINT,
+                        state=state,
+                        start=onset,
+                        end=end,
+                        amplitude=step,
+                    )
                 )
-            )
             if closed:
                 self._pending.append((event, window))
         return records
@@ -132,11 +142,16 @@ class Engine:
     def _assess(self, event: Any, window: Array) -> list[Record]:
         row = int(event["loop"])
         loop = self.loops[row]
-        case = self._cases.setdefault(row, _Case())
         finding = assess_event(loop, canonical_form(loop), event, window)
+        if not finding.is_event:
+            self.disturbances += 1
+            return []
+        case = self._cases.setdefault(row, _Case())
         case.events += 1
-        case.findings = [*case.findings, finding][-KEPT:]
-        records: list[Record] = [finding.record, _window(event, window, finding)]
+        found = msgspec.structs.replace(finding.record, event=case.events)
+        case.findings = [*case.findings, replace(finding, record=found)][-KEPT:]
+        records: list[Record] = [] if found.kind == SETPOINT else [_closing(found)]
+        records += [found, _window(event, window, finding)]
         before = case.row
         case.row, case.advice = self._judge(loop, case)
         if case.advice is not None and (before is None or _changed(before, case.row)):
@@ -150,7 +165,10 @@ class Engine:
         """Judge a loop by all its events together."""
         row = LoopRow(loop=loop.name, events=case.events)
         usable = [f for f in case.findings if f.usable and f.fit is not None]
-        ci = row.ci_setpoint = _median([f.record.ci for f in usable or case.findings])
+        seen = usable or case.findings
+        row.ci_setpoint = _median([f.record.ci for f in seen if f.record.kind == SETPOINT])
+        row.ci_load = _median([f.record.ci for f in seen if f.record.kind == LOAD])
+        ci = row.ci_setpoint, row.ci_load
         last = case.findings[-1].record
         if not usable:
             row.verdict, row.reason, row.process = INCONCLUSIVE, last.reason, last.process
@@ -226,6 +244,7 @@ def worst_first(row: LoopRow) -> tuple[int, float, str]:
     """Sort key of loop rows: verdict, then the less of CI and what is left to the Ms limit, then the name."""
     worth = [
         1.0 if row.ci_setpoint is None else row.ci_setpoint,
+        1.0 if row.ci_load is None else row.ci_load,
         1.0 if row.ms is None else 2.0 / max(row.ms, 1.0),
     ]
     return WORST_FIRST.index(row.verdict), min(worth), row.loop
@@ -234,6 +253,19 @@ def worst_first(row: LoopRow) -> tuple[int, float, str]:
 def canonical_form(loop: Loop) -> str:
     """Return the form that the loop's block computes."""
     return loop.form if loop.form in FORMS else BLOCKS[loop.form].form
+
+
+def _closing(record: Assessment) -> Event:
+    """Return the event of a load step that has proved to be one."""
+    return Event(
+        id=record.id,
+        loop=record.loop,
+        kind=record.kind,
+        state=record.state,
+        start=record.start,
+        end=record.end,
+        amplitude=record.amplitude,
+    )
 
 
 def _median(values: list[float | None]) -> float | None:

@@ -1,6 +1,7 @@
 """The compiled part of a fit: a model's exact response to held input, and the search for its times.
 
-``kind`` is 0 for an integrating, 1 for a self-regulating process. Types are inferred by numba.
+``kind`` is 0 for an integrating, 1 for a self-regulating process under a set-point step, and 2 and 3 for the
+same under a load step. Types are inferred by numba.
 """
 
 from __future__ import annotations
@@ -83,9 +84,14 @@ def project(x, t, kind):
 
 
 @jit
-def _gain_and_rss(t, u, y, kind, dead_time, lag, lag2):
-    """Best gain and residual sum of squares at these times; ``y`` is projected already."""
-    x = project(response(t, u, kind, dead_time, lag, lag2), t, kind)
+def _gain_and_rss(t, u, y, kind, dead_time, lag, third):
+    """Best gain and residual sum of squares at these times; ``y`` is projected already.
+
+    ``third`` is the second lag, or, for a load step, the onset after the window's first point.
+    """
+    if kind >= 2:
+        return _with_load(t, u, y, kind - 2, dead_time, lag, third)
+    x = project(response(t, u, kind, dead_time, lag, third), t, kind)
     xx = xy = 0.0
     for i in range(len(x)):
         xx += x[i] * x[i]
@@ -101,24 +107,54 @@ def _gain_and_rss(t, u, y, kind, dead_time, lag, lag2):
 
 
 @jit
+def _with_load(t, u, y, process, dead_time, lag, onset):
+    """Best gain and residual sum of squares with a load step whose size is free: two columns."""
+    x = project(response(t, u, process, dead_time, lag, 0.0), t, 1)
+    g = project(load_response(t - t[0] - onset, process, 1.0, dead_time, lag, 0.0), t, 1)
+    xx = xg = gg = xy = gy = 0.0
+    for i in range(len(x)):
+        xx += x[i] * x[i]
+        xg += x[i] * g[i]
+        gg += g[i] * g[i]
+        xy += x[i] * y[i]
+        gy += g[i] * y[i]
+    det = xx * gg - xg * xg
+    if det <= 1e-14 * xx * gg:
+        return 0.0, np.inf
+    gain = (gg * xy - xg * gy) / det
+    load = (xx * gy - xg * xy) / det
+    rss = 0.0
+    for i in range(len(x)):
+        r = y[i] - gain * x[i] - load * g[i]
+        rss += r * r
+    return gain, rss
+
+
+@jit
 def search(t, u, y, kind):
-    """Best (rss, dead time, lag, lag2, gain): a coarse grid, then Nelder-Mead."""
+    """Best (rss, dead time, lag, third, gain): a coarse grid, then Nelder-Mead.
+
+    ``third`` is the second lag, or, for a load step, the onset after the window's first point.
+    """
     py = project(y.copy(), t, kind)
     span = t[-1]
     step = (t[-1] - t[0]) / len(t)
     best = np.array([np.inf, 0.0, step, 0.0, 0.0])
-    m = 12
+    onsets = 8 if kind >= 2 else 1
+    m = 12 if kind < 2 else 8
     thin = max(len(t) // 200, 1)  # the grid only has to find the valley
     tt, uu = _thinned(t, u, thin)
     yy = project(y[::thin].copy()[: len(tt)], tt, kind)
-    longest = span if kind == 1 else 0.5 * span
+    longest = 0.5 * span if kind in {0, 2} else span
     for a in range(m):
         dead_time = 0.0 if a == 0 else step * (0.5 * span / step) ** ((a - 1) / (m - 1))
         for b in range(m):
             lag = 0.0 if b == 0 else step * (longest / step) ** ((b - 1) / (m - 1))
-            gain, rss = _gain_and_rss(tt, uu, yy, kind, dead_time, lag, 0.0)
-            if rss < best[0]:
-                best[0], best[1], best[2], best[4] = rss, dead_time, lag, gain
+            for c in range(onsets):
+                third = -t[0] * (c + 1) / onsets if kind >= 2 else 0.0
+                gain, rss = _gain_and_rss(tt, uu, yy, kind, dead_time, lag, third)
+                if rss < best[0]:
+                    best[0], best[1], best[2], best[3], best[4] = rss, dead_time, lag, third, gain
     best[0] = np.inf
     dim = 2 if kind == 0 else 3
     for _ in range(2):  # a second start from the first one's end frees a collapsed simplex
@@ -143,15 +179,16 @@ def _thinned(t, u, thin):
 
 @jit
 def _cost(t, u, py, kind, p, longest):
-    """Residual sum of squares at p = (dead time, lag, lag2), folded to positive times and bounded."""
-    if abs(p[0]) > longest or abs(p[1]) > 20.0 * longest or abs(p[2]) > longest:
+    """Residual sum of squares at p = (dead time, lag, third), folded to positive times and bounded."""
+    most = -t[0] if kind >= 2 else longest  # a load step came before it was noticed
+    if abs(p[0]) > longest or abs(p[1]) > 20.0 * longest or abs(p[2]) > most:
         return np.inf
     return _gain_and_rss(t, u, py, kind, abs(p[0]), abs(p[1]), abs(p[2]))[1]
 
 
 @jit
 def _nelder_mead(t, u, py, kind, start, dim, step, longest):  # noqa: C901, PLR0912, PLR0915 (one cost, see below)
-    """Downhill simplex (Nelder & Mead 1965) in (dead time, lag[, lag2]).
+    """Downhill simplex (Nelder & Mead 1965) in (dead time, lag[, third]).
 
     Written with scalars and one place that evaluates the cost: array expressions and copies of the inlined
     cost would take most of the time that compiling takes.
@@ -163,6 +200,8 @@ def _nelder_mead(t, u, py, kind, start, dim, step, longest):  # noqa: C901, PLR0
     for k in range(dim + 1):
         for m in range(3):
             points[k, m] = start[1 + m] + (scale if k == m + 1 else 0.0)
+            if kind >= 2 and m == 2 and k == 3:
+                points[k, m] = 0.8 * start[3]
     at, phase, kept_value = 0, FILL, 0.0  # `at`: the vertex that is evaluated while the simplex is (re)filled
     for _ in range(200):
         if phase == FILL:
@@ -210,7 +249,7 @@ def _nelder_mead(t, u, py, kind, start, dim, step, longest):  # noqa: C901, PLR0
     out = np.empty(5)
     for m in range(3):
         out[1 + m] = abs(points[0, m])
-    if out[3] > out[2]:
+    if kind == 1 and out[3] > out[2]:
         out[2], out[3] = out[3], out[2]
     out[4], out[0] = _gain_and_rss(t, u, py, kind, out[1], out[2], out[3])
     return out

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .fitting import project, response, search
+from .fitting import load_response, project, response, search
 
 Array = NDArray[np.float64]
 
@@ -22,6 +22,8 @@ DIRECT, INDIRECT, JOINT = "direct", "indirect", "joint"
 
 FLOOR_LN_GAIN = 0.01
 """One sigma of model mismatch in ln gain: a half-rule model of a fourth-order plant is 1 % off without noise."""
+FLOOR_INDIRECT = 0.02
+"""The same for the indirect fit: a wrong order goes round the simulated loop too."""
 FLOOR_TIME = 0.04
 """One sigma of model mismatch in lag and in dead time, as a share of the dead time (or of T0, if larger share)."""
 STAMP = 0.29
@@ -55,6 +57,10 @@ class Fit:
     """-n_eff/2 ln(residual variance): to compare fits of the same window."""
     sigma: float
     """Standard deviation of the residuals [PV]."""
+    size: float | None = None
+    """Size Ad of the load step at the process input [OP]; None for a set-point step."""
+    onset: float | None = None
+    """When the load stepped, from the window's time zero [s]."""
     method: str = DIRECT
     """``direct`` (from OP as measured), ``indirect`` (closed loop simulated) or ``joint`` (several events)."""
 
@@ -110,7 +116,7 @@ def load_integrals(
     return size, age, gain, (gain * (s3 + size * age**3 / 6) - y2) / y1
 
 
-def fit_window(window: Array, before: int, process: str) -> Fit | None:
+def fit_window(window: Array, before: int, process: str, load: bool = False) -> Fit | None:
     """Fit the half-rule model of one kind of process to a window.
 
     Parameters
@@ -122,6 +128,8 @@ def fit_window(window: Array, before: int, process: str) -> Fit | None:
     process
         ``integrating``: ``y = mu F(lag, dead time)[int u] + c0 + c1 t`` (c1: a load that OP did not balance);
         ``self-regulating``: ``y = K F(lag, lag2, dead time)[u] + c0``.
+    load
+        A load stepped, before time zero: its size and onset are fitted too (without c1 and lag2).
 
     Returns
     -------
@@ -131,27 +139,25 @@ def fit_window(window: Array, before: int, process: str) -> Fit | None:
     n = len(window)
     if n < 12:
         return None
-    t = np.ascontiguousarray(window[:, 0])
-    y = np.ascontiguousarray(window[:, 2])
-    rest = np.mean(window[: max(before, 1), 3])
-    u = np.ascontiguousarray(window[:, 3]) - rest
+    t, u, y = _columns(window, before, load)
     if not np.any(u) or np.ptp(y) == 0:
         return None
-    kind = 0 if process == INTEGRATING else 1
+    kind = (0 if process == INTEGRATING else 1) + (2 if load else 0)
     best = search(t, u, y, kind)
-    if not np.isfinite(best[0]):
+    if not np.isfinite(best[0]) or best[4] == 0.0:
         return None
-    return _fit_at(t, u, y, kind, best)
+    residual, jacobian, size = _jacobian(t, u, y, kind, best)
+    dead_time, lag, third, gain = (float(v) for v in best[1:5])
+    model = (gain, lag, dead_time, 0.0 if load else third)
+    fit = with_uncertainty(process, model, t, y, residual, jacobian)
+    return replace(fit, size=size / gain, onset=float(t[0]) + third) if load else fit
 
 
-def _fit_at(t: Array, u: Array, y: Array, kind: int, best: Array) -> Fit | None:
-    """Gain, quality and covariance at the optimum found."""
-    dead_time, lag, lag2, gain = (float(v) for v in best[1:5])
-    if gain == 0.0:
-        return None
-    residual, jacobian = _jacobian(t, u, y, kind, best)
-    process = INTEGRATING if kind == 0 else SELF_REGULATING
-    return with_uncertainty(process, (gain, lag, dead_time, lag2), t, y, residual, jacobian)
+def _columns(window: Array, before: int, load: bool) -> tuple[Array, Array, Array]:
+    """Time, OP as deviation from rest, PV. A load acted before it was noticed: the rest lies further back."""
+    rest = np.mean(window[: max(before // 2 if load else before, 1), 3])
+    t, _, y, op = (np.ascontiguousarray(column) for column in window.T)
+    return t, op - rest, y
 
 
 def with_uncertainty(
@@ -189,7 +195,9 @@ def with_uncertainty(
         dead_time=dead_time,
         lag2=lag2,
         scatter=scatter,
-        floor=np.array([FLOOR_LN_GAIN**2, time_floor, time_floor]),
+        floor=np.array(
+            [(FLOOR_LN_GAIN if method == DIRECT else FLOOR_INDIRECT) ** 2, time_floor, time_floor]
+        ),
         quality=1.0 - rss / spread,
         log_likelihood=-0.5 * n_eff * math.log(max(rss / len(t), 1e-24 * spread)),
         sigma=math.sqrt(variance),
@@ -263,11 +271,13 @@ def contradictory(fits: list[Fit], joint: Fit) -> bool:
 
 def model_response(window: Array, before: int, fit: Fit) -> Array:
     """PV as the model gives it from the window's OP, offset (and slope, if integrating) fitted; (n,) [PV]."""
-    t, y = np.ascontiguousarray(window[:, 0]), window[:, 2]
-    u = np.ascontiguousarray(window[:, 3]) - np.mean(window[: max(before, 1), 3])
+    load = fit.size is not None and fit.onset is not None
+    t, u, y = _columns(window, before, load)
     kind = 0 if fit.process == INTEGRATING else 1
     x = fit.gain * response(t, u, kind, fit.dead_time, fit.lag, fit.lag2)
-    rest = np.polynomial.polynomial.polyfit(t, y - x, 1 if kind == 0 else 0)
+    if fit.size is not None and fit.onset is not None:
+        x = x + fit.size * load_response(t - fit.onset, kind, fit.gain, fit.dead_time, fit.lag, fit.lag2)
+    rest = np.polynomial.polynomial.polyfit(t, y - x, 1 if kind == 0 and not load else 0)
     return np.asarray(x + np.polynomial.polynomial.polyval(t, rest), dtype=np.float64)
 
 
@@ -289,12 +299,32 @@ def correlation_time(residual: Array) -> float:
     return min(total, n / 8)
 
 
-def _jacobian(t: Array, u: Array, y: Array, kind: int, best: Array) -> tuple[Array, Array]:
-    """Residuals (n,), and (n, 3): PV's change per unit of ln gain, of lag and of dead time [s]; projected."""
-    dead_time, lag, lag2, gain = best[1:]
+def _jacobian(t: Array, u: Array, y: Array, kind: int, best: Array) -> tuple[Array, Array, float]:
+    """Return residuals (n,), PV's change per unit of each parameter (n, k), and gain times the load's size.
+
+    The parameters are ln gain, lag, dead time [s], and for a load its onset [s] and ln size. All is projected.
+    """
+    dead_time, lag, third, gain = best[1:]
+    load, process = kind >= 2, kind % 2
+    lag2 = 0.0 if load else third
+    py = project(y.copy(), t, kind)
+
+    def moved_by_op(dead_time: float, lag: float) -> Array:
+        return np.asarray(gain * project(response(t, u, process, dead_time, lag, lag2), t, kind))
+
+    def moved_by_load(dead_time: float, lag: float, onset: float) -> Array:
+        return np.asarray(
+            project(load_response(t - t[0] - onset, process, 1.0, dead_time, lag, 0.0), t, kind)
+        )
+
+    by_op, size = moved_by_op(dead_time, lag), 0.0
+    if load:
+        unit = moved_by_load(dead_time, lag, third)
+        size = float((py - by_op) @ unit / (unit @ unit))
 
     def at(dead_time: float, lag: float) -> Array:
-        return np.asarray(gain * project(response(t, u, kind, dead_time, lag, lag2), t, kind))
+        pushed = size * moved_by_load(dead_time, lag, third) if load else 0.0
+        return moved_by_op(dead_time, lag) + pushed
 
     here = at(dead_time, lag)
     # a secant of 5 %: at a lag of zero the tangents of lag and dead time coincide
@@ -302,4 +332,8 @@ def _jacobian(t: Array, u: Array, y: Array, kind: int, best: Array) -> tuple[Arr
     less_lag, less_dead = max(lag - step, 0.0), max(dead_time - step, 0.0)
     by_lag = (at(dead_time, lag + step) - at(dead_time, less_lag)) / (lag + step - less_lag)
     by_dead_time = (at(dead_time + step, lag) - at(less_dead, lag)) / (dead_time + step - less_dead)
-    return project(y.copy(), t, kind) - here, np.column_stack([here, by_lag, by_dead_time])
+    columns = [here, by_lag, by_dead_time]
+    if load:
+        later = size * moved_by_load(dead_time, lag, third + step)
+        columns += [(later - size * unit) / step, size * unit]
+    return py - here, np.column_stack(columns), size

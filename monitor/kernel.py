@@ -18,7 +18,7 @@ jit: Any = numba.njit(cache=True, error_model="numpy")
 
 WARM_UP = 20
 """Quiet samples before a baseline is trusted: the mean of 20 has 0.22 of one sample's noise."""
-RING = 64
+RING = 128
 """Samples kept from before an event: baseline for the fit, and the picture's left margin."""
 LEAST_BEFORE = 8
 """Samples of the window from before the onset, even where the loop was not at rest."""
@@ -32,6 +32,10 @@ STEP_REST = 3
 """Periods for which a set point must rest before its move counts as finished."""
 RAMP_REST = 20
 """Periods for which a moving set point must rest before the loop is looked at again."""
+TRIGGER = 5.0
+"""Standard deviations of the short average, when quiet, by which it must leave its mean to suspect a load step."""
+KNOWN = 60
+"""Quiet samples before a load step may be suspected; with few, the band is wider (their spread is not well known)."""
 AWAY = 500
 """Samples outside its band after which a loop's baseline begins anew."""
 TIMEOUT = 10_000
@@ -46,9 +50,10 @@ TOO_LARGE = 1e30
 """A magnitude that no plant has: a gateway's placeholder."""
 
 WARMING, QUIET, CANDIDATE, EVENT, MOVING = range(5)
-DROP, CONFIRM, DONE, CUT, BEGIN = 1, 2, 4, 8, 16
+DROP, CONFIRM, DONE, CUT, BEGIN, BEGIN_LOAD = 1, 2, 4, 8, 16, 32
 """What to do with a loop's window: forget it, report it open, hand it out (with or without this sample), open one."""
 OPENED, CLOSED = 1, 2
+SETPOINT_STEP, LOAD_STEP = 0, 1
 SETTLED, INTERRUPTED, TIMED_OUT = "settled", "interrupted", "timeout"
 STATES = ("", SETTLED, INTERRUPTED, TIMED_OUT)
 CAUSES = ("", "the set point moved again", "a gap in the data", "a change to manual", "the end of the data")
@@ -65,7 +70,10 @@ PARAM = np.dtype([("period", _f), ("pv_min", _f), ("pv_max", _f), ("op_low", _f)
 
 STATE = np.dtype(
     [
-        *[(n, _i) for n in ("phase", "time", "seen", "warm", "based", "away", "ringed", "slot", "auto")],
+        *[
+            (n, _i)
+            for n in ("phase", "time", "seen", "warm", "based", "away", "ringed", "slot", "auto", "kind")
+        ],
         *[(n, _f) for n in ("sp", "pv", "op", "dpv", "period")],
         *[
             (n, _f)
@@ -104,7 +112,19 @@ OUT = np.dtype(
     [
         *[
             (n, _i)
-            for n in ("what", "loop", "state", "cause", "slot", "points", "before", "onset", "end", "number")
+            for n in (
+                "what",
+                "loop",
+                "kind",
+                "state",
+                "cause",
+                "slot",
+                "points",
+                "before",
+                "onset",
+                "end",
+                "number",
+            )
         ],
         *[(n, _f) for n in ("amplitude", "wall", "quiet", "offset", "period", "sp_from", "quantum")],
         *_INTEGRALS,
@@ -133,8 +153,8 @@ def run(state, param, ring, ring_time, slab, free, n_free, out, loop, time, sp, 
         if s.slot >= 0 and not act & (CUT | DROP):
             _append(s, slab, time[k], sp[k], pv[k], op[k])
         if act:
-            n = _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time[k], sp[k])
-            if act & BEGIN:
+            n = _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time[k], sp[k], pv[k])
+            if act & (BEGIN | BEGIN_LOAD):
                 _append(s, slab, time[k], sp[k], pv[k], op[k])
         _keep(s, time[k], sp[k], pv[k], op[k], auto[k])
         j = s.ringed & (RING - 1)
@@ -197,6 +217,8 @@ def _step(s, p, time, sp, pv, op, auto):
     if s.phase <= QUIET:
         if moved and s.period > 0:
             return BEGIN
+        if s.phase == QUIET and s.warm >= KNOWN and _suspicious(s):
+            return BEGIN_LOAD
         _listen(s, sp - pv, pv, op)
         return 0
     return _follow(s, time, dt, sp, pv, moved)
@@ -250,7 +272,7 @@ def _median_step(ring_time, i, ringed):
 
 
 @jit
-def _follow(s, time, dt, sp, pv, moved):  # noqa: PLR0911 (a return for each thing that can happen)
+def _follow(s, time, dt, sp, pv, moved):  # noqa: C901, PLR0911 (a return for each thing that can happen)
     """Move an eventful phase on by one sample; return what to do."""
     if s.phase == MOVING:
         if moved:
@@ -259,7 +281,9 @@ def _follow(s, time, dt, sp, pv, moved):  # noqa: PLR0911 (a return for each thi
             _settle_down(s)
         return 0
     if s.phase == EVENT:
-        if abs(sp - s.held) > 0.02 * abs(s.amplitude):
+        if s.kind == LOAD_STEP:
+            s.amplitude = max(s.amplitude, abs(s.short - s.mean_s))
+        if moved and (s.kind == LOAD_STEP or abs(sp - s.held) > 0.02 * abs(s.amplitude)):
             _end(s, 2, BY_STEP, time)
             return CUT | BEGIN
         return DONE if _lies_still(s, time, dt, sp - pv) else 0
@@ -280,7 +304,7 @@ def _follow(s, time, dt, sp, pv, moved):  # noqa: PLR0911 (a return for each thi
 
 
 @jit
-def _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time, sp):
+def _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time, sp, pv):
     """Do with the window what `_step` asked for; return the number of events in ``out``."""
     if act & DROP:
         _drop(s, free, n_free)
@@ -288,6 +312,9 @@ def _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time, sp):
         n = _confirm(s, out, n, i, time, sp)
     if act & (CUT | DONE):
         n = _close(s, out, n, i)
+    if act & BEGIN_LOAD:
+        _begin(s, ring, ring_time, slab, free, n_free, i, time)
+        _begin_load(s, ring, ring_time, i, time, pv)
     if act & BEGIN:
         _begin(s, ring, ring_time, slab, free, n_free, i, time)
     return n
@@ -350,6 +377,13 @@ def _listen(s, e, pv, op):
 
 
 @jit
+def _suspicious(s):
+    """Whether the short average of the error has left its band: a load step, or the plant's weather."""
+    band = TRIGGER * (1.0 + 30.0 / s.warm) * np.sqrt(s.var_s) + 0.5 * s.quantum + 1e-9 * abs(s.sp)
+    return abs(s.short - s.mean_s) > band
+
+
+@jit
 def _settle_down(s):
     """Wait for a new baseline; what is known of the noise stays."""
     s.phase = WARMING
@@ -360,6 +394,7 @@ def _settle_down(s):
 def _begin(s, ring, ring_time, slab, free, n_free, i, time):
     """Open a window for a set point that has begun to move; the integrals start here."""
     s.phase = CANDIDATE
+    s.kind = SETPOINT_STEP
     s.moves = 1
     s.moved = s.onset = time
     s.sp_from = s.sp
@@ -384,6 +419,30 @@ def _begin(s, ring, ring_time, slab, free, n_free, i, time):
 
 
 @jit
+def _begin_load(s, ring, ring_time, i, time, pv):
+    """Turn the window just opened into a suspected load step's; its integrals reach back over the ring.
+
+    The step came before it was noticed: the onset is found when the event is assessed. Nothing is reported
+    until then.
+    """
+    s.phase = EVENT
+    s.kind = LOAD_STEP
+    s.events += 1
+    s.held = s.sp
+    s.amplitude = abs(s.short - s.mean_s)
+    s.still = time
+    s.low = s.high = s.short
+    s.sum_e = s.sum_t = 0.0
+    for j in range(s.before - 1):
+        a = (s.ringed - s.before + j) % RING
+        b = (s.ringed - s.before + j + 1) % RING
+        dt = (ring_time[i, b] - ring_time[i, a]) * 1e-9
+        _add(s, ring[i, a, 0], ring[i, a, 1], ring[i, b, 1], ring[i, a, 2], dt)
+    dt = (time - s.time) * 1e-9
+    _add(s, s.sp, s.pv, pv, s.op, dt)
+
+
+@jit
 def _confirm(s, out, n, i, time, sp):
     """Report that an event has opened: the set point rests at a new level."""
     s.phase = EVENT
@@ -393,6 +452,7 @@ def _confirm(s, out, n, i, time, sp):
     s.low = s.high = s.short
     s.sum_e = s.sum_t = 0.0
     o = out[n]
+    o.kind = SETPOINT_STEP
     o.what, o.loop, o.state, o.cause, o.slot, o.points = OPENED, i, 0, 0, -1, 0
     o.onset, o.end, o.number, o.amplitude, o.period = s.onset, s.onset, s.events, s.amplitude, s.period
     return n + 1
@@ -407,13 +467,22 @@ def _drop(s, free, n_free):
 
 @jit
 def _integrate(s, p, dt, pv):
+    """Account for one sample of an open event."""
+    _add(s, s.sp, s.pv, pv, s.op, dt)
+    s.good += dt if s.period == 0 else min(dt, 1.5 * s.period)
+    if s.op <= p.op_low or s.op >= p.op_high:
+        s.saturated += dt
+
+
+@jit
+def _add(s, sp, pv_old, pv_new, op, dt):
     """Carry the running integrals over one sample (set-point and load forms share them).
 
     OP is held: left rectangles; PV and the integrals of integrals: trapezoids. SP is held as well, so the
     error's trapezoid ends with the old set point.
     """
-    u = s.op - s.op0
-    y_old, y_new = s.pv - s.pv0, pv - s.pv0
+    u = op - s.op0
+    y_old, y_new = pv_old - s.pv0, pv_new - s.pv0
     s1 = s.s1 + u * dt
     s2 = s.s2 + 0.5 * (s.s1 + s1) * dt
     s.s3 += 0.5 * (s.s2 + s2) * dt
@@ -421,13 +490,10 @@ def _integrate(s, p, dt, pv):
     y1 = s.y1 + 0.5 * (y_old + y_new) * dt
     s.y2 += 0.5 * (s.y1 + y1) * dt
     s.y1 = y1
-    area = 0.5 * (abs(s.sp - s.pv) + abs(s.sp - pv)) * dt
+    area = 0.5 * (abs(sp - pv_old) + abs(sp - pv_new)) * dt
     s.iae += area
-    if abs(s.short - s.mean_e) < 2.0 * s.sd_e:  # nothing but noise is left here
-        s.iae_noise += min(area, s.abs_e * dt)
-    s.good += dt if s.period == 0 else min(dt, 1.5 * s.period)
-    if s.op <= p.op_low or s.op >= p.op_high:
-        s.saturated += dt
+    if abs(s.short - s.mean_e) < 2.0 * s.sd_e:
+        s.iae_noise += min(area, s.abs_e * dt)  # nothing but noise is left here
 
 
 @jit
@@ -462,7 +528,7 @@ def _halve(s, w, t_next):
         mean = (w[a, 3] * first + w[b, 3] * second) / (first + second)
         w[k, 0], w[k, 1], w[k, 2], w[k, 3] = w[a, 0], w[a, 1], w[a, 2], mean
     s.points = WINDOW // 2
-    s.before //= 2
+    s.before = (s.before + 1) // 2
     s.stride *= 2
 
 
@@ -504,6 +570,7 @@ def _close(s, out, n, i):
     """Hand the event out; its slot is freed by whoever copies the window."""
     _settle_down(s)
     o = out[n]
+    o.kind = s.kind
     o.what, o.loop, o.state, o.cause, o.slot = CLOSED, i, s.end_state, s.end_cause, s.slot
     o.points, o.before, o.onset, o.end, o.number = s.points, s.before, s.onset, s.end, s.events
     o.amplitude, o.quiet, o.period, o.sp_from = s.amplitude, s.quiet, s.period, s.sp_from

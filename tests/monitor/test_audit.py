@@ -159,6 +159,15 @@ def test_resume_takes_over_what_is_done(
     run_audit([tmp_path / "d.parquet"], table, tmp_path / "out", resume=True)
     assert len(again) == 2
     assert content(tmp_path / "out") == content(tmp_path / "whole")
+    # without --resume nothing is taken over
+    done.clear()
+    monkeypatch.setattr(fleet, "run_task", stops)
+    with pytest.raises(KeyboardInterrupt):
+        run_audit([tmp_path / "d.parquet"], table, tmp_path / "out")
+    done.clear()
+    with pytest.raises(KeyboardInterrupt):
+        run_audit([tmp_path / "d.parquet"], table, tmp_path / "out")
+    assert len(done) == 2
     # other settings, other parts
     assert len({t.identity(v) for t in again for v in ("1", "2")}) == 4
 

@@ -231,6 +231,21 @@ def test_first_of_equal_times_is_kept_and_conflicts_are_counted(tmp_path: Path) 
     assert (tally.duplicate, tally.conflict) == (3, 2)
 
 
+def test_a_repeated_bad_sample_is_no_conflict(tmp_path: Path) -> None:
+    data = frame()
+    data.loc[4, "pv"] = np.nan
+    tally = Tally()
+    equal(all_of(write(pd.concat([data, data.iloc[[4]]]), tmp_path / "d.csv"), tally=tally), samples_of(data))
+    assert (tally.duplicate, tally.conflict) == (1, 0)
+
+
+def test_the_first_is_kept_among_thousands(tmp_path: Path) -> None:
+    """A sort that is not stable would show only here."""
+    data = frame(3000)
+    others = data.assign(pv=-1.0)[::-1]
+    equal(all_of(write(pd.concat([data[::-1], others, others]), tmp_path / "d.parquet")), samples_of(data))
+
+
 def test_a_first_bad_sample_shuts_out_a_later_good_one_of_its_time(tmp_path: Path) -> None:
     data = frame()
     bad = data.assign(pv=data["pv"].where(data.index != 4))

@@ -173,7 +173,7 @@ def parse_row(row: Mapping[str, Any], forms: Sequence[str] = FORMS) -> tuple[Loo
         except ValueError as error:
             wrong.append(f"{field}: {value!r}, expected {error}")
     name = facts.get("name", "")
-    if not name:
+    if not name and not any(problem.startswith("name:") for problem in wrong):
         wrong.append("name: empty, expected the loop's tag, e.g. LIC-101")
     _settings_of_parallel(facts, wrong)
     for low, high in (("pv_low", "pv_high"), ("op_low", "op_high")):

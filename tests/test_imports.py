@@ -123,7 +123,7 @@ def test_each_library_has_one_home(path):
 
 def test_the_reader_of_imports_is_not_fooled(tmp_path, monkeypatch):
     """Imports inside functions, relative ones and calls of the import machinery are all seen."""
-    source = "def f():\n    from . import kernel\n    import time as t\n    __import__('zenoh')\n    from ..x import y\n"
+    source = "def f():\n from . import kernel\n import time as t\n __import__('zenoh')\n from ..x import y\n"
     path = tmp_path / "monitor" / "adapters" / "a.py"
     path.parent.mkdir(parents=True)
     path.write_text(source)

@@ -1,0 +1,287 @@
+"""Suggestions: safe for every model that the evidence allows, in the loop's own form, or withheld with a reason."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_identify import make_fit
+from twin import noise_through
+
+from monitor.advise import FURTHEST, STAGE, Advice, Withheld, advise, op_noise
+from monitor.identify import SELF_REGULATING, Fit
+from monitor.loops import Loop
+from monitor.reference import held, model_of
+from tuners.models import IntegratingModel
+from tuners.robustness import peak_sensitivity
+from tuners.settings import Settings
+
+PERIOD = 0.5
+
+
+def asked(loop: Loop, fit: Fit | None = None, form: str | None = None, **facts: Any) -> Advice | Withheld:
+    fit = make_fit() if fit is None else fit
+    form = loop.form if form is None else form
+    ms = None
+    if loop.kp is not None:
+        today = Settings(loop.kp, loop.ti, loop.td, loop.filter_time, form)
+        ms = float(peak_sensitivity(held(model_of(fit), PERIOD), today))
+    return advise(loop, form, fit, facts.get("noise", 0.01), facts.get("period", PERIOD), ms)
+
+
+def given_advice(*args: Any, **facts: Any) -> Advice:
+    advice = asked(*args, **facts)
+    assert isinstance(advice, Advice), advice
+    return advice
+
+
+def sluggish(**facts: Any) -> Loop:
+    return Loop(**({"name": "L", "kp": 0.6, "ti": 200.0} | facts))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    gain=st.floats(1e-3, 1.0),
+    sign=st.sampled_from([-1.0, 1.0]),
+    dead_time=st.floats(0.5, 30.0),
+    ratio=st.floats(0.0, 4.0),
+    sd=st.floats(0.005, 0.15),
+    td=st.sampled_from([0.0, 1.0]),
+    form=st.sampled_from(["standard", "series", "parallel"]),
+    ms_max=st.floats(1.6, 3.0),
+    seed=st.integers(0, 99),
+)
+def test_a_suggestion_is_safe_for_the_whole_interval(
+    gain, sign, dead_time, ratio, sd, td, form, ms_max, seed
+):
+    """Ms stays at or below ms_max on models drawn from inside the 95 % region, not only on its corners."""
+    fit = make_fit(
+        gain=sign * gain,
+        lag=ratio * dead_time,
+        dead_time=dead_time,
+        sd=(sd, 2 * sd * dead_time, 2 * sd * dead_time),
+    )
+    kp = sign * 0.3 / (gain * 2 * (1 + ratio / 2) * dead_time)
+    loop = sluggish(kp=kp, ti=30 * dead_time, td=td * ratio * dead_time, form=form, ms_max=ms_max)
+    advice = asked(loop, fit, noise=0.0)
+    if isinstance(advice, Withheld):
+        assert advice.reason
+        return
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(300, 3))
+    points *= np.sqrt(7.815) * rng.random((300, 1)) ** (1 / 3) / np.linalg.norm(points, axis=1)[:, None]
+    points = points @ np.linalg.cholesky(fit.cov).T
+    models = IntegratingModel(
+        fit.gain * np.exp(points[:, 0]),
+        np.maximum(fit.dead_time + points[:, 2], 0.0) + PERIOD / 2,
+        np.maximum(fit.lag + points[:, 1], 0.0),
+    )
+    many = np.asarray(peak_sensitivity(models, advice.settings))
+    assert advice.ms_worst <= ms_max
+    assert advice.ms <= ms_max + 1e-9
+    # the surface is searched on its corners: what bulges between them is small
+    assert many.max() <= 1.05 * ms_max
+    assert float(advice.settings.kp) * gain * sign > 0
+    assert advice.settings.form == form
+
+
+@pytest.mark.parametrize("form", ["standard", "series", "parallel"])
+@pytest.mark.parametrize(
+    ("today", "structure"),
+    [
+        ({"kp": 0.3, "ti": 300.0}, "pi"),
+        ({"kp": 0.3, "ti": 300.0, "td": 2.0}, "pid"),
+        ({"kp": 0.3, "td": 2.0}, "pd"),
+        ({"kp": 0.3}, "p"),
+    ],
+)
+def test_structure_and_form_are_kept(today, structure, form):
+    """PI stays PI, PID stays PID, P and PD stay without integral action, in the loop's own form."""
+    new = given_advice(Loop(name="L", form=form, **today), form=form).settings
+    assert new.form == form
+    assert math.isfinite(float(new.ti)) == (structure in {"pi", "pid"})
+    assert (float(new.td) > 0) == (structure in {"pid", "pd"})
+
+
+def test_the_same_controller_in_every_form():
+    """Standard, series and parallel suggestions for one loop are one controller, but for their rounding."""
+    omega = np.geomspace(1e-3, 1.0, 50)
+    responses = [
+        given_advice(sluggish(td=2.0, form=form), noise=0.0).settings.frequency_response(omega)
+        for form in ("standard", "series", "parallel")
+    ]
+    for other in responses[1:]:
+        np.testing.assert_allclose(np.abs(other / responses[0]), 1.0, atol=0.12)
+
+
+def test_direct_acting_loops_keep_their_sign():
+    """A negative process gain wants a negative controller gain of the same size."""
+    plus, minus = given_advice(sluggish()), given_advice(sluggish(kp=-0.6), make_fit(gain=-0.05))
+    assert float(minus.settings.kp) == -float(plus.settings.kp)
+    assert minus.settings.ti == plus.settings.ti
+
+
+def test_the_filter_keeps_the_loops_ratio():
+    """td/tf of the loop, ten where it has none."""
+    assert given_advice(sluggish(td=2.0, tf=0.5)).settings.td == pytest.approx(
+        4 * given_advice(sluggish(td=2.0, tf=0.5)).settings.tf
+    )
+    new = given_advice(sluggish(controller="pid")).settings
+    assert new.td == pytest.approx(10 * new.tf)
+
+
+def test_set_point_weights_are_kept():
+    """An I-PD stays an I-PD."""
+    new = given_advice(sluggish(b=0.0, c=0.0)).settings
+    assert (new.b, new.c) == (0.0, 0.0)
+
+
+def test_numbers_are_what_one_types():
+    """Three significant digits, and the robustness stated is that of what is typed."""
+    advice = given_advice(sluggish(td=2.0))
+    for name in ("kp", "ti", "td"):
+        value = float(getattr(advice.settings, name))
+        assert value == float(f"{value:.3g}")
+    again = peak_sensitivity(held(model_of(make_fit()), PERIOD), advice.settings)
+    assert advice.ms == pytest.approx(float(again), rel=1e-9)
+
+
+def test_wide_intervals_make_slower_suggestions():
+    """The less is known, the gentler the settings; in the end none, with the reason."""
+    gains = [
+        float(given_advice(sluggish(), make_fit(sd=(s, 1.0, 1.0))).settings.kp) for s in (0.01, 0.1, 0.25)
+    ]
+    assert gains == sorted(gains, reverse=True)
+    assert gains[0] > 1.2 * gains[-1]
+    none = asked(sluggish(), make_fit(sd=(3.0, 1.0, 1.0)))
+    assert isinstance(none, Withheld)
+    assert "Ms" in none.reason or "gain" in none.reason
+
+
+def test_a_lower_ms_max_makes_slower_suggestions():
+    """ms_max is honoured for the worst model."""
+    one, two = given_advice(sluggish(ms_max=1.5)), given_advice(sluggish(ms_max=2.5))
+    assert one.ms_worst <= 1.5 < two.ms_worst <= 2.5
+    assert abs(float(one.settings.kp)) < abs(float(two.settings.kp))
+
+
+def test_a_closed_loop_time_of_the_table_is_the_least():
+    """A loop that is meant to be slow gets slow settings."""
+    assert given_advice(sluggish(kp=0.05, closed_loop_time=60.0)).closed_loop_time == pytest.approx(60.0)
+
+
+def test_nothing_to_be_gained_is_said():
+    """A loop under its own reference is as tight as the evidence allows: no suggestion, and no reproach."""
+    first = given_advice(sluggish())
+    again = asked(sluggish(kp=float(first.settings.kp), ti=float(first.settings.ti)))
+    assert isinstance(again, Withheld)
+    assert again.fine_as_it_is
+
+
+def test_a_change_of_more_than_ten_times_is_withheld():
+    """The evidence was seen with today's settings; what is far from them is not known."""
+    none = asked(
+        sluggish(kp=0.005, ti=2000.0), make_fit(gain=0.05, dead_time=1.0, lag=0.0, sd=(0.01, 0.05, 0.05))
+    )
+    assert isinstance(none, Withheld)
+    assert f"{FURTHEST:g} times" in none.reason
+
+
+def test_large_changes_come_in_stages():
+    """At most a factor of three in gain each, the last one the suggestion, every one safe on the model."""
+    loop = sluggish(kp=0.35, ti=150.0)
+    advice = given_advice(loop)
+    gains = [loop.kp, *(float(s.kp) for s in advice.stages)]
+    assert len(advice.stages) > 1
+    assert advice.stages[-1] == advice.settings
+    for a, b in zip(gains[:-1], gains[1:], strict=True):
+        assert a is not None
+        assert 1 / (STAGE * 1.01) <= b / a <= STAGE * 1.01
+    for stage in advice.stages:
+        assert peak_sensitivity(held(model_of(make_fit()), PERIOD), stage) <= max(loop.ms_max, advice.ms)
+
+
+@settings(max_examples=25, deadline=None)
+@given(product=st.floats(0.3, 1.2), share=st.floats(0.1, 0.4))
+def test_every_stage_of_a_rolling_loop_is_stable(product, share):
+    """With too much integral action the way matters: no stage is worse than today or the limit."""
+    fit = make_fit(lag=0.0)
+    kp = share * 2.5
+    loop = sluggish(kp=kp, ti=product / (0.05 * kp))
+    advice = asked(loop, fit)
+    if isinstance(advice, Withheld):
+        return
+    model = held(model_of(fit), PERIOD)
+    today = float(peak_sensitivity(model, Settings(kp, loop.ti)))
+    for stage in advice.stages:
+        assert float(peak_sensitivity(model, stage)) <= max(loop.ms_max, today) + 1e-9
+
+
+@pytest.mark.parametrize(("td", "tf"), [(0.0, 0.0), (5.0, 0.5), (5.0, 0.05), (2.0, 2.0)])
+@pytest.mark.parametrize("period", [0.2, 1.0])
+def test_op_noise_is_that_of_a_simulated_controller(td, tf, period):
+    """The formula against white noise through the sampled controller, within 3 %."""
+    noise = np.random.default_rng(0).normal(0, 0.3, 40_000)
+    simulated = noise_through(-2.0, td, tf, period, noise)
+    (formula,) = op_noise(Settings(-2.0, 50.0, td, tf), 0.3, period)
+    assert formula == pytest.approx(simulated, rel=0.03)
+
+
+def test_op_noise_limits_a_suggestion():
+    """Where the span of OP is known, PV's noise may put only so much on it; else it is reported."""
+    loop = sluggish(td=2.0, op_low=0.0, op_high=100.0)
+    free = given_advice(msgspec.structs.replace(loop, op_high=None), noise=0.5)
+    assert free.op_noise > 1.0
+    held_back = given_advice(loop, noise=0.2)
+    assert held_back.op_noise <= 1.0
+    none = asked(loop, noise=50.0)
+    assert isinstance(none, Withheld)
+    assert "noise" in none.reason
+
+
+def test_without_settings_a_pi_is_suggested_in_one_step():
+    """Nothing is known of today: structure PI, no stages."""
+    advice = given_advice(Loop(name="L"))
+    assert advice.rule == "simc-pi"
+    assert advice.stages == [advice.settings]
+
+
+def test_a_self_regulating_process():
+    """The first-order rule: integral time at most the lag, safe, faster than today."""
+    fit = make_fit(gain=2.0, lag=20.0, dead_time=4.0, process=SELF_REGULATING, sd=(0.02, 0.5, 0.3))
+    advice = given_advice(Loop(name="L", kp=0.3, ti=60.0), fit)
+    assert advice.ms_worst <= 2.2
+    assert float(advice.settings.ti) <= 20.3
+
+
+def test_dead_time_alone_is_withheld():
+    """A process without a lag has no settings by the rule: said, not raised."""
+    fit = make_fit(gain=2.0, lag=0.0, dead_time=4.0, process=SELF_REGULATING)
+    none = asked(Loop(name="L", kp=0.1, ti=5.0), fit)
+    assert isinstance(none, Withheld)
+    assert "lag" in none.reason
+
+
+def test_an_unstable_loop_today_gets_a_way_out():
+    """Ms infinite today: a suggestion all the same, and its last stage is safe."""
+    advice = given_advice(sluggish(kp=9.0, ti=10.0))
+    assert advice.ms_worst <= 2.2
+    assert float(advice.settings.kp) < 9.0
+
+
+def test_the_region_grows_with_correlation():
+    """The joint covariance counts: gain and dead time that rise together are worse than apart."""
+    fit = make_fit(sd=(0.2, 0.1, 1.5))
+    together = fit.scatter.copy()
+    together[0, 2] = together[2, 0] = 0.9 * 0.2 * 1.5
+    apart = fit.scatter.copy()
+    apart[0, 2] = apart[2, 0] = -0.9 * 0.2 * 1.5
+    worse = given_advice(sluggish(), replace(fit, scatter=together))
+    better = given_advice(sluggish(), replace(fit, scatter=apart))
+    assert float(worse.settings.kp) < float(better.settings.kp)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import msgspec
@@ -200,7 +201,7 @@ def test_large_changes_come_in_stages():
     gains = [loop.kp, *(float(s.kp) for s in advice.stages)]
     assert len(advice.stages) > 1
     assert advice.stages[-1] == advice.settings
-    for a, b in zip(gains[:-1], gains[1:], strict=True):
+    for a, b in pairwise(gains):
         assert a is not None
         assert 1 / (STAGE * 1.01) <= b / a <= STAGE * 1.01
     for stage in advice.stages:

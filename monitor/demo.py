@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from .adapters.store import Store
@@ -157,7 +158,8 @@ def _reporter(console: Console, assessments: list[Assessment]) -> Callable[[Reco
             row = record.row
             worst = "" if row.new_ms is None else f"Ms {row.new_ms:.2f}, at worst {row.new_ms_worst:.2f}"
             console.print(
-                f"  {row.loop:<9} [bold cyan]suggestion[/]    {row.action}  [dim]({worst})[/]", soft_wrap=True
+                f"  {escape(row.loop):<9} [bold cyan]suggestion[/]    {row.action}  [dim]({worst})[/]",
+                soft_wrap=True,
             )
 
     return heard
@@ -167,8 +169,8 @@ def _verdict(record: Assessment) -> str:
     ci = "" if record.ci is None else f"CI_sp {record.ci:.2f}"
     ms = "" if record.ms is None else f"Ms {record.ms:.2f}"
     return (
-        f"  {record.loop:<9} [{COLOURS[record.verdict]}]{record.verdict:<13}[/] {ci:<10}  {ms:<8}  "
-        f"[dim]{record.reason}[/]"
+        f"  {escape(record.loop):<9} [{COLOURS[record.verdict]}]{record.verdict:<13}[/] {ci:<10}  {ms:<8}  "
+        f"[dim]{escape(record.reason)}[/]"
     )
 
 
@@ -178,14 +180,14 @@ def _summary(rows: list[LoopRow]) -> Table:
     table.add_column("loop", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     for name in ("CI_sp", "Ms", "gain", "T0 [s]"):
-        table.add_column(name, justify="right", no_wrap=True)
+        table.add_column(escape(name), justify="right", no_wrap=True)
     table.add_column("what to do", ratio=1)
     for row in rows:
         table.add_row(
-            row.loop,
+            escape(row.loop),
             f"[{COLOURS[row.verdict]}]{row.verdict}[/]",
             *(_figure(value) for value in (row.ci_setpoint, row.ms, row.gain, row.t0)),
-            row.action if row.verdict == RETUNE else row.reason,
+            escape(row.action if row.verdict == RETUNE else row.reason),
         )
     return table
 

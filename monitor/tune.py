@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 FORMS = ("standard", "series", "parallel")
 COLUMNS = {
-    "kp": "Kp",
+    "kp": "Kp [OP/PV]",
     "ti": "Ti [s]",
     "td": "Td [s]",
     "tf": "Tf [s]",
@@ -26,8 +26,8 @@ COLUMNS = {
     "gain_margin": "GM",
     "phase_margin": "PM [deg]",
     "delay_margin": "DM [s]",
-    "iae_setpoint": "IAE sp",
-    "iae_load": "IAE load",
+    "iae_setpoint": "IAE sp [PV s]",
+    "iae_load": "IAE load [PV s]",
     "overshoot": "overshoot",
 }
 SORTABLE = ("rule", *COLUMNS, "mt", "settling_time")
@@ -307,12 +307,15 @@ def _console() -> Any:
 
 def _print_table(rows: Sequence[dict[str, Any]], skipped: dict[str, str]) -> None:
     from rich import box
+    from rich.markup import escape
     from rich.table import Table
 
     console = _console()
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for title in ("rule", "form", *COLUMNS.values()):
-        table.add_column(title, justify="left" if title in {"rule", "form"} else "right", no_wrap=True)
+        table.add_column(
+            escape(title), justify="left" if title in {"rule", "form"} else "right", no_wrap=True
+        )
     for row in rows:
         numbers = (_number(row[key], key) for key in COLUMNS)
         name = row["rule"] if row["stable"] else f"{row['rule']} (unstable)"
@@ -378,20 +381,24 @@ def _plot(path: str, curves: dict[str, tuple[Response, Response]]) -> None:
         raise ValueError("plot: needs matplotlib, install loopsight[plot]") from None
     import numpy as np
 
-    figure = Figure(figsize=(11, 4.5), layout="constrained")
-    for axes, index, title in zip(
-        figure.subplots(1, 2), (0, 1), ("set-point step", "load step"), strict=True
-    ):
-        shown = {name: pair[index] for name, pair in curves.items() if pair[index].time.size}
+    figure = Figure(figsize=(11, 6.5), layout="constrained")
+    grid = figure.subplots(2, 2, sharex="col", height_ratios=(2, 1))
+    for column, title in enumerate(("set-point step", "load step")):
+        shown = {name: pair[column] for name, pair in curves.items() if pair[column].time.size}
+        above, below = grid[0][column], grid[1][column]
+        above.axhline(1.0 if column == 0 else 0.0, color="0.5", linewidth=0.8, label="SP")
         for name, response in shown.items():
-            axes.plot(response.time, response.pv, label=name, linewidth=1.2)
+            (line,) = above.plot(response.time, response.pv, label=name, linewidth=1.2)
+            below.plot(response.time, response.op, color=line.get_color(), linewidth=1.0)
         if shown:
             # One sluggish rule among many must not squeeze the others into the left edge.
-            ends = [response.time[-1] for response in shown.values()]
-            axes.set_xlim(0, min(max(ends), 3 * float(np.median(ends))))
-        axes.set(title=title, xlabel="time [s]", ylabel="PV")
-        axes.grid(alpha=0.3)
-    figure.axes[-1].legend(fontsize="x-small", ncols=1 + len(curves) // 12)
+            ends = [min(r.time[-1], 2 * r.settling_time) for r in shown.values()]
+            below.set_xlim(0, min(max(ends), 2 * float(np.median(ends))))
+        above.set(title=f"unit {title}", ylabel="SP, PV [PV]")
+        below.set(xlabel="time [s]", ylabel="OP [OP]")
+        above.grid(alpha=0.3)
+        below.grid(alpha=0.3)
+    grid[0][1].legend(fontsize="x-small", ncols=1 + len(curves) // 12)
     try:
         figure.savefig(path)
     except OSError as error:

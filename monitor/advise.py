@@ -63,6 +63,10 @@ class Advice:
     """Predicted; by the loop's own reference."""
     op_noise: float
     """Standard deviation that PV's noise will put on OP [OP]."""
+    before: tuple[float, float, float] | None
+    """Overshoot [share], IAE of a unit set-point [s] and load step [PV s/OP] predicted for today's settings."""
+    after: tuple[float, float, float]
+    """The same for the new ones."""
     stages: list[Settings]
     """Settings to go through; the last one is the suggestion."""
 
@@ -96,6 +100,8 @@ def advise(
     ms
         Peak sensitivity of today's settings on the model, None where not known.
     """
+    if loop.objective == "averaging":
+        return _averaging(loop, form, fit, noise, period, ms)
     model = model_of(fit)
     structure = reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), period)
@@ -127,6 +133,43 @@ def advise(
     )  # fmt: skip
 
 
+def _averaging(
+    loop: Loop, form: str, fit: Fit, noise: float, period: float, ms: float | None
+) -> Advice | Withheld:
+    """Settings for a surge vessel: the gain that its load and room ask for, and no more integral than damping allows.
+
+    ``|Kc| = max_load/max_deviation`` (today's where these are not known), ``Ti = 4/(Kc K)``: damping 1 for a
+    small dead time.
+    """
+    model, today = model_of(fit), settings_of(loop, form)
+    if not isinstance(model, IntegratingModel):
+        return Withheld("the averaging rule is for integrating processes")
+    if loop.max_load is not None and loop.max_deviation is not None:
+        kp = _rounded(math.copysign(loop.max_load / loop.max_deviation, fit.gain))
+    elif today is not None:
+        kp = float(today.kp)
+    else:
+        return Withheld("the averaging rule needs max_load and max_deviation, or today's settings")
+    new = Settings(kp, _rounded(4.0 / (kp * fit.gain)), 0.0, 0.0, form, loop.b, loop.c)
+    worst = float(np.max(peak_sensitivity(held(_region(fit), period), new)))
+    if worst > loop.ms_max:
+        return Withheld(f"Ms stays above {loop.ms_max:g} for the worst model inside the intervals")
+    sampled = held(model, period)
+    stages = [new] if today is None else _stages(sampled, today, new, max(loop.ms_max, ms or 0.0))
+    return Advice(
+        "averaging",
+        new,
+        float(new.ti) / 4.0,
+        float(peak_sensitivity(sampled, new)),
+        worst,
+        None,
+        float(op_noise(new, noise, period)[0]),
+        None if today is None else _predicted(model, today),
+        _predicted(model, new),
+        stages,
+    )
+
+
 def _within(ratio: Array) -> Any:
     return (ratio <= FURTHEST) & (ratio >= 1.0 / FURTHEST)
 
@@ -137,13 +180,12 @@ def _worthwhile(
 ) -> Advice | Withheld:  # fmt: skip
     """Predict what the settings bring; withhold them where they bring nothing."""
     model = model_of(fit)
-    kind = LOAD if loop.objective == LOAD else SETPOINT
-    predicted = closed_loop_response(model, new, kind=kind).iae
-    today = settings_of(loop, form)
-    safe_today = ms is not None and ms <= 1.25 * loop.ms_max
-    if today is not None and safe_today:
-        before = closed_loop_response(model, today, kind=kind).iae
-        if predicted > GAIN_WORTH * before:
+    after, today = _predicted(model, new), settings_of(loop, form)
+    before = None if today is None else _predicted(model, today)
+    kind, error = (LOAD, 2) if loop.objective == LOAD else (SETPOINT, 1)
+    if before is not None and ms is not None and ms <= 1.25 * loop.ms_max:
+        wanted = {SETPOINT: (1,), LOAD: (2,)}.get(loop.objective, (1, 2))
+        if all(after[k] > GAIN_WORTH * before[k] for k in wanted):
             return Withheld(
                 "as tight as the evidence allows: no safe settings are 15 % better", fine_as_it_is=True
             )
@@ -151,11 +193,18 @@ def _worthwhile(
         best = reference_iae(kind, 1.0, model, structure, tc, loop.b, loop.c)
     except ValueError:
         best = math.nan
-    ci = float(best / predicted) if math.isfinite(best) and predicted > 0 else None
+    ci = float(best / after[error]) if math.isfinite(best) and after[error] > 0 else None
     sampled = held(model, period)
     ms_new = float(peak_sensitivity(sampled, new))
     stages = [new] if today is None else _stages(sampled, today, new, max(loop.ms_max, ms or 0.0))
-    return Advice(RULE[structure], new, time, ms_new, worst, ci, noise, stages)
+    return Advice(RULE[structure], new, time, ms_new, worst, ci, noise, before, after, stages)
+
+
+def _predicted(model: Model, settings: Settings) -> tuple[float, float, float]:
+    """Overshoot [share] and IAE of a unit set-point [s] and load step [PV s/OP] on the model."""
+    setpoint = closed_loop_response(model, settings, kind=SETPOINT)
+    load = closed_loop_response(model, settings, kind=LOAD)
+    return float(setpoint.overshoot), float(setpoint.iae), float(load.iae)
 
 
 def _candidate(loop: Loop, form: str, model: Model, structure: str, tc: float) -> Settings:

@@ -136,6 +136,15 @@ class LoopRow(msgspec.Struct, kw_only=True):
     ti: float | None = None
     td: float | None = None
     tf: float | None = None
+    overshoot: float | None = None
+    """Predicted for today's settings on the model: share of the set-point step."""
+    iae_setpoint: float | None = None
+    """Predicted, unit step [s]."""
+    iae_load: float | None = None
+    """Predicted, unit step [PV s/OP]."""
+    new_overshoot: float | None = None
+    new_iae_setpoint: float | None = None
+    new_iae_load: float | None = None
 
 
 class Suggestion(msgspec.Struct, frozen=True, kw_only=True):

@@ -136,7 +136,7 @@ def advise(
 def _averaging(
     loop: Loop, form: str, fit: Fit, noise: float, period: float, ms: float | None
 ) -> Advice | Withheld:
-    """Settings for a surge vessel: the gain that its load and room ask for, and no more integral than damping allows.
+    """Suggest for a surge vessel the gain that its load and room ask for, and as much integral as damping allows.
 
     ``|Kc| = max_load/max_deviation`` (today's where these are not known), ``Ti = 4/(Kc K)``: damping 1 for a
     small dead time.

@@ -22,10 +22,10 @@ from .adapters.rows import Tally, UnusableError
 from .adapters.tables import write_tables, write_text
 from .adapters.times import zone_of
 from .audit import PARTS, AuditResult
-from .rows import worst_first
 from .fleet import Part, Progress, plan, run_all
 from .loops import LoopTable, LoopTableError, parse_row, read_loop_table
 from .records import WORST_FIRST
+from .rows import worst_first
 
 SCHEMA = 1
 MOST_LISTED = 20

@@ -96,7 +96,8 @@ def reference_iae(  # noqa: PLR0911 (one return for each formula)
     """Return the IAE [PV s] of the reference after a step of ``size`` (PV for a set-point, OP for a load step).
 
     Integrating (derived, checked by simulation): PD ``|Ar|(tc + theta)``; PID and PI
-    ``|Ar|(theta + 4(tc + theta)/e)``, for I-PD ``4|Ar|(tc + theta)``, load ``4|mu|(tc + theta)^2 |Ad|``. At
+    ``|Ar|(theta + 4(tc + theta)/e)``, for I-PD ``|Ar|(4(tc + theta) + lag)`` (Ti of the standard
+    form), load ``4|mu|(tc + theta)^2 |Ad|``. At
     ``tc = theta``: 2, 3.943, 8 and 16 times, as in Veronesi & Visioli (2010, eq. 10, for PD).
     Self-regulating with ``tau <= 4(tc + theta)``: ``|Ar|(tc + theta)`` and ``|mu|(tc + theta)|Ad|``; slower
     ones: load ``4|mu|(tc + theta)^2 |Ad|/tau``, set point by simulation. Other weights b, c: by simulation.
@@ -113,7 +114,7 @@ def reference_iae(  # noqa: PLR0911 (one return for each formula)
         if not integral:
             return size * time
         if b == 0.0 and c == 0.0:
-            return 4.0 * size * time
+            return size * (4.0 * time + float(reduced_model.lag))
         if b == 1.0 and (c == 1.0 or structure == "pi"):
             return size * (theta + 4.0 * time / math.e)
         return _simulated(size, reduced_model, structure, tc, b, c)

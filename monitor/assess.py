@@ -331,16 +331,23 @@ def judge(
     if ms is not None and ms > MARGIN * loop.ms_max:
         said = "unstable on the model" if math.isinf(ms) else f"Ms = {ms:.2f}"
         reasons.append(f"too close to instability: {said} ({MARGIN * loop.ms_max:.3g} at most)")
-    wanted = {SETPOINT: ci[:1], LOAD: ci[1:]}.get(loop.objective, ci)
-    names = ("slow to follow: CI_sp", "slow to recover from a load: CI_ld")
     shape = f", overshoot {over:.0%}" if over > 0.1 else ""
-    for value, name in zip(ci, names, strict=True):
-        if value is not None and value in wanted and value < loop.ci_min:
+    wanted = [
+        (value, name)
+        for value, name, other in zip(
+            ci, ("slow to follow: CI_sp", "slow to recover from a load: CI_ld"), (LOAD, SETPOINT), strict=True
+        )
+        if loop.objective != other and value is not None
+    ]
+    for value, name in wanted:
+        if value < loop.ci_min:
             reasons.append(f"{name} = {value:.2f} ({loop.ci_min:.2g} at least{shape})")
     if reasons:
         cause = trap(loop, form, model)
         return RETUNE, "; ".join([*reasons, cause] if cause else reasons)
-    if all(value is None for value in ci):
+    if not wanted and any(value is not None for value in ci):
+        return INCONCLUSIVE, f"no index for what the loop is there for: its objective is {loop.objective}"
+    if not wanted:
         return INCONCLUSIVE, "no index: the event ended before the loop had come to rest"
     return GOOD, ""
 

@@ -174,6 +174,11 @@ def demo(
     from sim_plants.truth import TRUTH_COLUMNS, loop_table, truth_rows
 
     loops = _scenario(scenario, seed)
+    if out is not None:
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise Refused(str(error)) from None
     stop = _until_told()
     with tempfile.TemporaryDirectory(prefix="loopsight-") as tables:
         write_rows(Path(tables) / "loops.csv", loop_table(loops))
@@ -183,9 +188,11 @@ def demo(
         except (OSError, ChildProcessError) as error:
             raise Refused(str(error)) from None
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        write_tables(out, assessments, rows, seconds=False)
-        write_rows(out / "truth.csv", truth_rows(loops), TRUTH_COLUMNS)
+        try:
+            write_tables(out, assessments, rows, seconds=False)
+            write_rows(out / "truth.csv", truth_rows(loops), TRUTH_COLUMNS)
+        except OSError as error:
+            raise Refused(str(error)) from None
         click.echo(f"written: {out}/events.parquet, loops.parquet, loops.csv, truth.csv")
 
 
@@ -222,7 +229,10 @@ def simulate(
     if out is not None:
         from sim_plants.export import write_export
 
-        rows = write_export(specs, hours * 3600.0, out)
+        try:
+            rows = write_export(specs, hours * 3600.0, out)
+        except OSError as error:
+            raise Refused(str(error)) from None
         click.echo(f"{rows:,} samples of {len(specs)} loops, {hours:g} h: {out}/data.parquet, loops.csv, truth.csv, "
                    "truth_events.csv")  # fmt: skip
         return

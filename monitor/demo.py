@@ -56,7 +56,7 @@ def run_demo(demo: Demo, stop: threading.Event) -> tuple[list[Assessment], list[
     console = Console(highlight=False)
     session, endpoint = _open()
     assessments: list[Assessment] = []
-    plant = view = None
+    plant = view = store = None
     with tempfile.TemporaryDirectory(prefix="loopsight-demo-") as state:
         bus = Bus(session)
         try:
@@ -69,7 +69,8 @@ def run_demo(demo: Demo, stop: threading.Event) -> tuple[list[Assessment], list[
                 warm_up()
             view = _start_view(console, demo, endpoint)
             console.print(f"[bold]ready[/]  {len(loops)} loops at {endpoint}   (Ctrl-C ends)")
-            service = Service(config, loops, bus, Store(Path(state)), heard=_reporter(console, assessments))
+            store = Store(Path(state))
+            service = Service(config, loops, bus, store, heard=_reporter(console, assessments))
             _watch(service, console, plant, demo.seconds, stop)
             _end(plant)
             service.finish()
@@ -79,6 +80,8 @@ def run_demo(demo: Demo, stop: threading.Event) -> tuple[list[Assessment], list[
             if view is not None:
                 view.stop()
             bus.close()
+            if store is not None:
+                store.close()
     console.print(_summary(rows))
     return assessments, rows
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from .adapters.store import Store
-from .adapters.zenoh_bus import DEFAULT_ENDPOINT, Bus, open_session
+from .adapters.zenoh_bus import DEFAULT_ENDPOINT, Bus, BusError, open_session
 from .config import Config
 from .loops import LoopTable, read_loop_table
 from .service import PREFIX, Service, warm_up
@@ -32,8 +32,12 @@ def run_monitor(
     loops = read_loop_table(config.loops) if config.loops else LoopTable([])
     store = Store(config.state_folder)
     listen = config.listen or ([] if config.connect else [DEFAULT_ENDPOINT])
+    try:
+        session = open_session("router" if listen else "client", connect=config.connect, listen=listen)
+    except BusError:
+        store.close()
+        raise
     _warn_of_open_doors(listen)
-    session = open_session("router" if listen else "client", connect=config.connect, listen=listen)
     bus, view = Bus(session), None
     try:
         warm_up()

@@ -86,7 +86,19 @@ def run_audit(
     return audit.finish()
 
 
-@click.command("audit")
+_HELP = """Audit a fleet from historian exports.
+
+PATH is a Parquet or CSV file, a folder or a glob: one long table (loop, time, sp, pv, op), a file per loop,
+or a wide table (time, LIC-101.SP, LIC-101.PV, LIC-101.OP, ...). DIR receives loops.csv and loops.parquet
+(a row per loop, worst first), events.parquet and audit.json.
+
+\b
+Example:
+  loopsight audit 'export/*.parquet' --loops loops.csv --out audit --jobs 4
+"""
+
+
+@click.command("audit", help=_HELP)
 @click.argument("paths", nargs=-1, required=True, metavar="PATH...")
 @click.option(
     "--loops",
@@ -109,16 +121,7 @@ def run_audit(
 @click.option("--resume", is_flag=True, help="Go on with an audit of the same data that was stopped.")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, e.g. tcp://10.0.0.5:8786.")
 def audit_command(**options: Any) -> None:
-    r"""Audit a fleet from historian exports.
-
-    PATH is a Parquet or CSV file, a folder or a glob: one long table (loop, time, sp, pv, op), a file per
-    loop, or a wide table (time, LIC-101.SP, LIC-101.PV, LIC-101.OP, ...). DIR receives loops.csv and
-    loops.parquet (a row per loop, worst first), events.parquet and audit.json.
-
-    \b
-    Example:
-      loopsight audit export/*.parquet --loops loops.csv --out audit --jobs 4
-    """
+    """Audit, show what was found, exit 0 or 2."""
     from .audit_show import progress_bar, show  # noqa: PLC0415 (rich)
 
     try:

@@ -156,6 +156,7 @@ class Audit:
             samples.update(part.counts)
         self._note_left_out(tally)
         if not samples["ok"]:
+            self._tidy()
             return AuditResult(2, [*self.problems, *self._nothing(tally, samples)])
         events = sorted((e for p in self.parts for e in p.events), key=lambda e: (e.loop, e.start, e.id))
         rows = sorted((r for p in self.parts for r in p.rows), key=worst_first)
@@ -187,7 +188,8 @@ class Audit:
         keep = self.out / PARTS
         for file in keep.glob("*"):
             file.unlink()
-        keep.rmdir()
+        if keep.is_dir():
+            keep.rmdir()
 
     def _note_left_out(self, tally: Tally) -> None:
         for source in self.sources:

@@ -223,7 +223,18 @@ def _n(n: int, what: str) -> str:
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
-@click.command("check")
+_HELP = """Check configurations, loop tables and data files.
+
+Prints every problem with file, line or row, field, value and what would be accepted. Exit 0 without
+problems, 2 with.
+
+\b
+Example:
+  loopsight check loops.csv monitor.toml export/data.parquet
+"""
+
+
+@click.command("check", help=_HELP)
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path))
 @click.option("--tz", metavar="ZONE", help="Zone of times that name none, e.g. Europe/Berlin. Default: UTC.")
 @click.option(
@@ -232,15 +243,7 @@ def _n(n: int, what: str) -> str:
     help="Unit of numeric times. Default: told by their range.",
 )
 def check_command(files: tuple[Path, ...], tz: str | None, time_unit: str | None) -> None:
-    r"""Check configurations, loop tables and data files.
-
-    Prints every problem with file, line or row, field, value and what would be accepted. Exit 0 without
-    problems, 2 with.
-
-    \b
-    Example:
-      loopsight check loops.csv monitor.toml export/data.parquet
-    """
+    """Check, print what was found, exit 0 or 2."""
     failed = False
     for path in files:
         try:

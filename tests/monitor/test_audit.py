@@ -6,6 +6,7 @@ import csv
 import json
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -255,7 +256,18 @@ def test_nothing_usable_is_exit_2_and_one_line_each(
     assert says in result.stderr
     assert "Traceback" not in result.output
     assert not result.stdout
-    assert not (tmp_path / "out" / "loops.csv").exists()
+    assert not list((tmp_path / "out").glob("*"))
+
+
+@pytest.mark.skipif(find_spec("distributed") is not None, reason="dask.distributed is installed here")
+def test_scheduler_without_its_library_names_the_extra(table: Path, tmp_path: Path) -> None:
+    step_test("LIC-1").to_csv(tmp_path / "d.csv", index=False)
+    result = command(
+        tmp_path / "d.csv", "--loops", table, "--out", tmp_path / "out", "--scheduler", "tcp://x:1"
+    )
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1
+    assert "loopsight[cluster]" in result.stderr
 
 
 def test_bad_loop_table_names_each_problem(tmp_path: Path) -> None:
@@ -315,7 +327,7 @@ def test_help_and_import_are_light() -> None:
     code = f"import sys, monitor.audit, monitor.check; print(len({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "0"
-    assert "Example:" in command("--help").stdout
+    assert "Example:\n    loopsight audit " in command("--help").stdout
 
 
 # -- tables -----------------------------------------------------------------------------------------

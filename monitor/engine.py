@@ -89,8 +89,14 @@ class Engine:
             Its name or key is taken.
         """
         row = self.loops.add(loop)
-        self.detector.add([loop])
+        self.follow()
         return row
+
+    def follow(self) -> None:
+        """Watch what was added to the loop table: a thousand loops at once cost as much as one."""
+        known = len(self.detector.state)
+        if known < len(self.loops):
+            self.detector.add(self.loops.loops[known:])
 
     def retuned(self, row: int, loop: Loop) -> None:
         """Take over a loop's new settings: they close the suggestion, and start the comparison of before and after.
@@ -126,9 +132,13 @@ class Engine:
         """Events that wait for `assess`."""
         return len(self._pending)
 
+    def close(self) -> list[Record]:
+        """Close what is open, because the data end here; assessments wait for `assess`."""
+        return self._take(self.detector.flush())
+
     def flush(self) -> list[Record]:
         """Close what is open, because the data end here, and assess it."""
-        return self._take(self.detector.flush()) + self.assess()
+        return self.close() + self.assess()
 
     def _take(self, found: list[tuple[Any, Array]]) -> list[Record]:
         """Report openings and closings; a suspected load step is reported when it has proved to be one."""

@@ -57,6 +57,8 @@ MOST_ANSWERS = 10_000
 """Records that answer one query."""
 ANSWER_TIME = 0.05
 """Time in a tick for answering queries; the rest waits for the next [s]."""
+FINISH_TIME = 6.0
+"""Time for working off and assessing what is held when told to stop; events left over are kept as closed [s]."""
 RETRY = 1.0
 """Pause before a store that failed is tried again [s]."""
 MOST_UNKEPT = 10_000
@@ -161,6 +163,9 @@ class Service:
         if messages:
             latest = self._clock() + round(self.config.future * 1e9)
             entries = self.decoder.decode(messages, latest)
+            self.engine.follow()
+            if len(self.loops) > len(self.order.state):
+                self.order.grow(max(2 * len(self.loops), 64))
             for row, loop in self.decoder.settings:
                 self.engine.retuned(row, loop)
                 self._flagged.discard(row)
@@ -178,11 +183,9 @@ class Service:
         if not name.isprintable() or "*" in key or "$" in key:  # for a terminal, or a key of many
             return None
         try:
-            row = self.engine.add(Loop(name=name, key=key))
+            return self.loops.add(Loop(name=name, key=key))
         except ValueError:
             return None
-        self.order.grow(max(2 * row, 64) if row >= len(self.order.state) else len(self.order.state))
-        return row
 
     def _detect(self, samples: Samples) -> list[Record]:
         return self.engine.detect(samples)
@@ -443,15 +446,26 @@ class Service:
 
         What comes in meanwhile is left: a publisher that never pauses must not keep us.
         """
+        until = self._monotonic() + FINISH_TIME
         left = len(self.bus.ring)
-        while left > 0 and (taken := self.tick()):
+        while left > 0 and self._monotonic() < until and (taken := self.tick()):
             left -= taken
         last = self.order.release(np.inf)
         records = self.engine.detect(last) if len(last) else []
-        records += self.engine.flush()
-        self._retry = 0.0
-        self._publish(records)
-        self._tell(records)
+        records += self.engine.close()
+        while True:
+            self._retry = 0.0
+            self._publish(records)
+            self._tell(records)
+            if not self.engine.backlog or self._monotonic() >= until:
+                break
+            records = self._assess(10 * ASSESS_TIME)
+        if self.engine.backlog or left > 0:
+            log.warning(
+                "stop: %d events are kept without an assessment, %d messages left",
+                self.engine.backlog,
+                max(left, 0),
+            )
         if self._unkept:
             log.error("store: still failing; %d records are lost", len(self._unkept))
 

@@ -528,7 +528,7 @@ def test_many_queries_leave_time_for_samples(bench):
 
 
 def test_settings_start_anew(bench):
-    """A re-tuned loop forgets its verdict, its flag and the row of an earlier run; the others keep theirs."""
+    """A re-tuned loop loses its flag and the row of an earlier run, and is judged by its new settings."""
     b = bench(one_loop())
     feed(b, a_step())
     b.service._flagged.add(0)
@@ -537,9 +537,11 @@ def test_settings_start_anew(bench):
     feed(b, [("plant/L/settings", b'{"kp": 2.5, "ti": 40}')])
     assert (b.loops[0].kp, b.loops[0].ti, b.loops[0].name) == (2.5, 40.0, "L")
     status = b.service.status()
-    assert (status["flagged"], status["loops"]["not_assessed"]) == ([], 2)
-    row = json.loads(b.ask("loopsight/plant/L/status").replies[0][1])
-    assert row["verdict"] == "not_assessed"
+    assert status["flagged"] == []
+    assert b.ask("loopsight/plant/L/status").replies[0][1] != b"old"
+    feed(b, [("plant/L/settings", b'{"kp": 0}')])
+    assert b.loops[0].kp == 2.5
+    assert b.service.status()["malformed"] == 1
 
 
 HOSTILE = [
@@ -737,6 +739,40 @@ def test_finish_ends_under_a_publisher_that_never_pauses(bench):
     b.service.finish()
     assert [r["state"] for r in b.bus.kinds("event")][-1] in {"settled", "interrupted"}
     assert b.store.counts()["assessment"] == 1
+
+
+def test_finish_ends_in_an_upset(bench):
+    """More open events than can be assessed in time: all are stored as closed, as many as possible assessed."""
+    names = [f"N{k}" for k in range(40)]
+    b = bench(LoopTable([Loop(name=n, kp=1.0, ti=10.0) for n in names]))
+    for _, payload in a_step(210):
+        for name in names:
+            b.bus.put(f"plant/{name}", payload)
+    b.tick()
+    while len(b.bus.ring):
+        b.tick()
+    assert b.service.status()["loops"]["open"] == 40
+    clock = iter(range(10**6))
+    b.service._monotonic = lambda: next(clock) * 0.5
+    b.service.finish()
+    counts = b.store.counts()
+    assert counts["event"] == 40
+    assert 0 < counts["assessment"] < 40
+    assert [r["state"] for r in b.bus.kinds("event")].count("interrupted") == 40
+    assert len(b.bus.kinds("assessment")) == counts["assessment"]
+
+
+def test_many_loops_register_in_one_go(bench):
+    """A thousand unknown loops in a frame cost one growth, not a thousand."""
+    b = bench()
+    grown = []
+    add = b.service.engine.detector.add
+    b.service.engine.detector.add = lambda loops: grown.append(len(loops)) or add(loops)
+    feed(b, [("plant/frame", frame_of([f"n{k}" for k in range(1000)]))])
+    assert grown == [1000]
+    assert len(b.service.order.state) >= 1000
+    b.service.finish()
+    assert b.service.status()["samples_ok"] == 1000
 
 
 def test_idle_loops_are_let_go_by_the_clock(bench):

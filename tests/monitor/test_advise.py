@@ -51,7 +51,7 @@ def sluggish(**facts: Any) -> Loop:
     gain=st.floats(1e-3, 1.0),
     sign=st.sampled_from([-1.0, 1.0]),
     dead_time=st.floats(0.5, 30.0),
-    ratio=st.floats(0.0, 4.0),
+    ratio=st.one_of(st.just(0.0), st.floats(1e-3, 4.0)),
     sd=st.floats(0.005, 0.15),
     td=st.sampled_from([0.0, 1.0]),
     form=st.sampled_from(["standard", "series", "parallel"]),

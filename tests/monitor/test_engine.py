@@ -1,0 +1,419 @@
+"""Samples in, records out: the same however they are batched; verdicts and suggestions against the truth."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from twin import START, Seen, pi_loop, run, samples_of, table_of, times, watch
+
+from monitor.engine import KEPT, Engine, canonical_form, worst_first
+from monitor.loops import Loop, LoopTable
+from monitor.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow, Record, Window
+from monitor.samples import Samples
+from sim_plants.fleet import random_fleet
+from sim_plants.loops import Simulation
+from sim_plants.margins import margin
+from sim_plants.scenarios import demo
+from sim_plants.specs import LoopSpec
+
+
+def plain(records: list[Record]) -> list[Any]:
+    """Records in a form that compares, to the last bit."""
+    out: list[Any] = []
+    for r in records:
+        if isinstance(r, Window):
+            out.append(
+                (r.id, r.onset, *(getattr(r, n).tobytes() for n in ("time", "sp", "pv", "op", "model")))
+            )
+        else:
+            out.append(repr(r))
+    return out
+
+
+def of_loop(records: list[Record], name: str) -> list[Any]:
+    return plain([r for r in records if (getattr(r, "row", None) or r).loop == name])
+
+
+def stepped(n: int = 900, at: int = 200, size: float = 4.0, **facts: Any) -> Samples:
+    sp = np.full(n, 50.0)
+    sp[at:] += size
+    pv, op = pi_loop(sp, **facts)
+    return Samples.of(0, times(n), sp, pv, op)
+
+
+# ---------------------------------------------------------------------------------------------------
+# the demo, of which the truth is known
+
+
+@pytest.fixture(scope="module")
+def watched() -> tuple[list[LoopSpec], Engine, Seen]:
+    """An hour of the demo's loops."""
+    specs = demo(0)
+    engine, seen = watch(specs, 3600.0)
+    return specs, engine, seen
+
+
+FLAGGED = {"sluggish", "rolling", "aggressive"}
+
+
+def test_verdicts_are_the_truth(watched):
+    """Sluggish, rolling and aggressive loops are flagged; good and published ones never; manual is said."""
+    specs, engine, _ = watched
+    for k, spec in enumerate(specs):
+        row = engine.row(k)
+        expected = RETUNE if spec.tuning in FLAGGED else GOOD
+        if spec.tuning == "manual":
+            expected = NOT_ASSESSED
+            assert "manual" in row.reason
+            assert "manual" in row.flags
+        assert row.verdict == expected, (spec.name, spec.tuning, row.reason)
+
+
+def test_reasons_name_the_trouble(watched):
+    """Slow is called slow, rolling is told the trap, near instability is said with its Ms."""
+    specs, engine, _ = watched
+    words = {
+        "sluggish": "slow to follow",
+        "rolling": "a lower gain makes it worse",
+        "aggressive": "instability",
+    }
+    for k, spec in enumerate(specs):
+        if spec.tuning in words:
+            assert words[spec.tuning] in engine.row(k).reason
+
+
+def test_models_are_the_true_ones(watched):
+    """Kind of process and gain within 5 %; the sum of lags and dead time within 15 %."""
+    specs, engine, _ = watched
+    for k, spec in enumerate(specs):
+        row = engine.row(k)
+        if spec.tuning == "manual":
+            continue
+        assert row.process == spec.plant.process
+        assert row.gain == pytest.approx(spec.plant.gain, rel=0.05)
+        assert row.t0 == pytest.approx(spec.plant.t0, rel=0.15)
+
+
+def test_suggestions_are_safe_on_the_true_plant(watched):
+    """Every suggestion, and every stage on the way, is stable with Ms below 2.5 on the true, sampled loop."""
+    specs, engine, seen = watched
+    assert {s.row.loop for s in seen.suggestions} == {s.name for s in specs if s.tuning in FLAGGED}
+    for k, spec in enumerate(specs):
+        row = engine.row(k)
+        if row.new_kp is None:
+            continue
+        assert row.new_ti is not None
+        assert row.new_kp * spec.controller.kp > 0
+        assert math.isfinite(row.new_ti) == math.isfinite(spec.controller.ti)
+        new = replace(
+            spec.controller, kp=row.new_kp, ti=row.new_ti, td=row.new_td or 0.0, tf=row.new_tf or 0.0
+        )
+        after = margin(spec.plant, new, spec.true_period)
+        assert after.stable
+        assert after.ms < 2.5
+        assert row.new_ms_worst is not None
+        assert row.new_ms_worst <= 2.2
+        for stage in json.loads(row.stages or "[]"):
+            way = replace(spec.controller, kp=stage["kp"], ti=stage["ti"], td=stage["td"], tf=stage["tf"])
+            assert margin(spec.plant, way, spec.true_period).stable
+
+
+def test_evidence_is_named(watched):
+    """A suggestion lists the events that it rests on, all of that loop."""
+    _, _, seen = watched
+    ids = {a.id: a.loop for a in seen.assessments}
+    for suggestion in seen.suggestions:
+        assert suggestion.evidence
+        assert {ids[i] for i in suggestion.evidence} == {suggestion.row.loop}
+
+
+def test_rows_come_worst_first(watched):
+    """`retune` first, then `inconclusive`, `good`, `not_assessed`; each loop once."""
+    specs, engine, _ = watched
+    rows = engine.rows()
+    assert sorted(r.loop for r in rows) == sorted(s.name for s in specs)
+    order = [RETUNE, INCONCLUSIVE, GOOD, NOT_ASSESSED]
+    places = [order.index(r.verdict) for r in rows]
+    assert places == sorted(places)
+    assert [worst_first(r) for r in rows] == sorted(worst_first(r) for r in rows)
+
+
+def test_records_carry_no_nan(watched):
+    """What the data cannot carry is None: no NaN in any figure of any record but a window's model."""
+    _, engine, seen = watched
+    for record in [*seen.assessments, *engine.rows()]:
+        for name in record.__struct_fields__:
+            value = getattr(record, name)
+            assert not (isinstance(value, float) and math.isnan(value)), (record.loop, name)
+    for assessment in seen.assessments:
+        assert assessment.reason or assessment.verdict == GOOD
+
+
+def test_windows_show_the_evidence(watched):
+    """A window for each assessment, times in order, the model where there is a fit."""
+    _, _, seen = watched
+    windows = {w.id: w for w in seen.windows}
+    assert set(windows) == {a.id for a in seen.assessments}
+    for a in seen.assessments:
+        window = windows[a.id]
+        assert np.all(np.diff(window.time) > 0)
+        if a.kind == "setpoint":
+            assert window.time[0] <= a.start <= window.time[-1]
+        if a.fit is not None and a.fit > 0.99:
+            assert np.std(window.pv - window.model) < 0.2 * np.std(window.pv)
+
+
+# ---------------------------------------------------------------------------------------------------
+# batching
+
+
+@pytest.fixture(scope="module")
+def small() -> tuple[list[Loop], Samples, list[Any]]:
+    specs = random_fleet(5, 11, noise=(0.0, 0.01))
+    loops, samples = table_of(specs), samples_of(Simulation(specs).advance(1200.0))
+    engine = Engine(LoopTable(loops))
+    return loops, samples, plain(engine.step(samples) + engine.flush())
+
+
+@settings(max_examples=6, deadline=None)
+@given(cuts=st.lists(st.integers(0, 5000), max_size=12))
+def test_any_batching_gives_the_same_records(small, cuts):
+    """Bit-equal records in the same order for any chunking, assessed at once or later."""
+    loops, samples, whole = small
+    assert len(whole) > 10
+    engine, records = Engine(LoopTable(loops)), []
+    bounds = [0, *sorted(min(c, len(samples)) for c in cuts), len(samples)]
+    for a, b in pairwise(bounds):
+        records += engine.step(samples.take(slice(a, b)))
+    records += engine.flush()
+    for loop in loops:
+        mine = [r for r in plain(records) if loop.name in str(r)]
+        assert sorted(map(str, mine)) == sorted(str(r) for r in whole if loop.name in str(r))
+    assert sorted(map(str, plain(records))) == sorted(map(str, whole))
+
+
+def test_assessing_later_gives_the_same(small):
+    """Detection now, assessment one by one afterwards: the same assessments, and a backlog in between."""
+    loops, samples, whole = small
+    engine = Engine(LoopTable(loops))
+    records = engine.detect(samples)
+    assert engine.backlog > 0
+    while engine.backlog:
+        records += engine.assess(1)
+    records += engine.flush()
+    assert sorted(map(str, plain(records))) == sorted(map(str, whole))
+
+
+def test_loops_do_not_see_each_other(small):
+    """Each loop alone gives its own records, to the bit."""
+    loops, samples, _ = small
+    together = Engine(LoopTable(loops))
+    records = together.step(samples) + together.flush()
+    for k, loop in enumerate(loops):
+        rows = samples.take(samples.loop == k)
+        alone = Engine(LoopTable([loop]))
+        mine = alone.step(replace(rows, loop=np.zeros(len(rows), np.int32))) + alone.flush()
+        assert of_loop(mine, loop.name) == of_loop(records, loop.name)
+        assert repr(alone.row(0)) == repr(together.row(k))
+
+
+def test_an_id_is_of_loop_and_time():
+    """Another time or name, another id; the opening, the closing and the assessment share theirs."""
+    samples = stepped()
+    ids = set()
+    for name, shift in (("L", 0), ("M", 0), ("L", 1_000_000_000)):
+        _, seen = run(Loop(name=name), replace(samples, time=samples.time + shift))
+        (assessment,) = seen.assessments
+        assert {e.id for e in seen.events} == {assessment.id}
+        ids.add(assessment.id)
+    assert len(ids) == 3
+
+
+# ---------------------------------------------------------------------------------------------------
+# noise and loads
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.9])
+def test_noise_alone_makes_no_record(colour):
+    """Fifty loops, a million samples of white or coloured noise: nothing is reported."""
+    loops, n = 50, 20_000
+    white = np.random.default_rng(17).normal(size=(n, loops))
+    e = white.copy()
+    for k in range(1, n):
+        e[k] = colour * e[k - 1] + math.sqrt(1 - colour**2) * white[k]
+    engine = Engine(LoopTable([Loop(name=str(k)) for k in range(loops)]))
+    loop, time = np.tile(np.arange(loops, dtype=np.int32), n), np.repeat(times(n), loops)
+    assert engine.step(Samples.of(loop, time, 50.0, 50.0 + e.ravel(), 30.0 - e.ravel())) == []
+    assert {r.verdict for r in engine.rows()} == {NOT_ASSESSED}
+
+
+# ---------------------------------------------------------------------------------------------------
+# several events, new settings, forms
+
+
+def treads(sizes: list[float], apart: int = 500, **facts: Any) -> Samples:
+    """Set-point steps one after the other, each with time to settle."""
+    sp = np.full(apart * (len(sizes) + 1), 50.0)
+    for k, size in enumerate(sizes):
+        sp[apart * (k + 1) :] += size
+    pv, op = pi_loop(sp, **facts)
+    return Samples.of(0, times(len(sp)), sp, pv, op)
+
+
+def test_several_events_are_one_sharper_model():
+    """Three agreeing events: all count, the gain's interval is no wider than the first's."""
+    engine, seen = run(Loop(name="L", kp=2.0, ti=40.0), treads([4.0, -4.0, 4.0], noise=0.05))
+    row, first = engine.row(0), seen.assessments[0]
+    assert row.events == len(seen.assessments) == 3
+    assert row.gain_lo is not None
+    assert row.gain_hi is not None
+    assert first.gain_lo is not None
+    assert first.gain_hi is not None
+    assert row.gain_hi / row.gain_lo <= 1.01 * first.gain_hi / first.gain_lo
+    assert row.gain_lo < 0.05 < row.gain_hi
+
+
+def test_contradicting_events_are_no_evidence():
+    """A plant whose gain has doubled between two events: said, and nothing suggested."""
+    one = treads([4.0], apart=900, kp=0.5, ti=150.0, noise=0.02)
+    two = treads([4.0], apart=900, kp=0.5, ti=150.0, noise=0.02, gain=0.1)
+    samples = Samples.of(
+        0,
+        np.concatenate([one.time, two.time + (one.time[-1] - START) + 1_000_000_000]),
+        np.concatenate([one.sp, two.sp]),
+        np.concatenate([one.pv, two.pv]),
+        np.concatenate([one.op, two.op]),
+        auto=np.concatenate([np.arange(len(one)) < len(one) - 5, np.ones(len(two), bool)]),
+    )
+    engine, seen = run(Loop(name="L", kp=0.5, ti=150.0, process="integrating"), samples)
+    assert [a.verdict for a in seen.assessments] == [RETUNE, RETUNE]
+    row = engine.row(0)
+    assert row.verdict == INCONCLUSIVE
+    assert "contradict" in row.reason
+    assert row.new_kp is None
+
+
+def test_new_settings_begin_anew():
+    """After a re-tune the past indices and suggestions no longer speak for the loop; the next event does."""
+    engine = Engine(LoopTable([Loop(name="L", kp=0.4, ti=300.0)]))
+    engine.step(stepped(4000, kp=0.4, ti=300.0, noise=0.02))
+    engine.flush()
+    assert engine.verdict(0) == RETUNE
+    engine.retuned(0, Loop(name="other", kp=2.0, ti=40.0))
+    assert engine.verdict(0) != RETUNE
+    assert engine.row(0).new_kp is None
+    assert engine.loops[0].name == "L"
+    later = stepped(noise=0.02)
+    engine.step(replace(later, time=later.time + 10_000 * 1_000_000_000))
+    engine.flush()
+    assert engine.row(0).verdict == GOOD
+    assert engine.row(0).kp == 2.0
+
+
+def test_history_does_not_grow():
+    """However many events, so many findings are kept."""
+    engine, seen = run(Loop(name="L", kp=2.0, ti=40.0), treads([2.0, -2.0] * 15, apart=250, noise=0.02))
+    assert len(seen.assessments) == 30
+    assert engine.row(0).events == 30
+    assert len(engine._cases[0].findings) == KEPT
+
+
+@pytest.mark.parametrize(
+    ("form", "keys"),
+    [
+        ("standard", {"kp", "ti", "td", "tf"}),
+        ("series", {"kp", "ti", "td", "tf"}),
+        ("parallel", {"kp", "ki", "kd", "tf"}),
+    ],
+)
+def test_a_suggestion_is_in_the_loops_own_form(form, keys):
+    """Fields, stages and the action's words are those of the form; ki and kd only for parallel."""
+    engine, _ = run(Loop(name="L", kp=0.4, ti=300.0, form=form), stepped(4000, kp=0.4, ti=300.0, noise=0.02))
+    row = engine.row(0)
+    assert row.form == form
+    assert row.new_kp is not None
+    assert row.new_ti is not None
+    assert set(json.loads(row.new_fields or "")) == keys
+    assert all(set(stage) == keys for stage in json.loads(row.stages or ""))
+    assert (row.new_ki is not None) == (form == "parallel")
+    if row.new_ki is not None:
+        assert row.new_ki == pytest.approx(row.new_kp / row.new_ti)
+
+
+def test_a_vendor_block_shows_its_own_fields():
+    """With a block's id as form, the fields are those of its faceplate, and kp is in engineering units still."""
+    from tuners.blocks import BLOCKS  # noqa: PLC0415
+
+    block = next(k for k, b in BLOCKS.items() if b.form == "standard")
+    facts = {"pv_low": 0.0, "pv_high": 100.0, "op_low": 0.0, "op_high": 100.0}
+    loop = Loop(name="L", kp=0.4, ti=300.0, form=block, **facts)
+    assert canonical_form(loop) == "standard"
+    engine, _ = run(loop, stepped(4000, kp=0.4, ti=300.0, noise=0.02))
+    row = engine.row(0)
+    assert row.form == block
+    assert json.loads(row.new_fields or "{}")
+    assert row.new_op_noise is not None
+    assert row.new_op_noise_abs == pytest.approx(row.new_op_noise)  # the span is 100
+
+
+def test_op_noise_is_that_of_the_loop():
+    """Noise of PV times the new gain, for a PI."""
+    engine, _ = run(Loop(name="L", kp=0.4, ti=300.0), stepped(4000, kp=0.4, ti=300.0, noise=0.05))
+    row = engine.row(0)
+    assert row.new_kp is not None
+    assert row.new_op_noise_abs == pytest.approx(row.new_kp * 0.05, rel=0.2)
+
+
+def test_a_loop_of_which_nothing_is_known():
+    """No sample, no step: not assessed, and why; no health figure out of nothing."""
+    engine = Engine(LoopTable([Loop(name="A"), Loop(name="B"), Loop(name="C")]))
+    n = 400
+    engine.step(Samples.of(1, times(n), 50.0, 50.0, 20.0))
+    engine.step(Samples.of(2, times(n), 50.0, 50.0, 20.0, auto=False))
+    assert [engine.row(k).verdict for k in range(3)] == [NOT_ASSESSED] * 3
+    assert [engine.row(k).reason for k in range(3)] == [
+        "no good sample was seen", "no set-point or load step was seen", "in manual",
+    ]  # fmt: skip
+    assert engine.row(0).coverage is None
+    assert engine.row(1).coverage == pytest.approx(1.0)
+    assert engine.row(2).manual == pytest.approx(1.0)
+
+
+def test_counts_add_up():
+    """Every sample that came in is counted under one cause."""
+    samples = stepped(noise=0.02)
+    pv = samples.pv.copy()
+    pv[10:20] = np.nan
+    quality = samples.quality.copy()
+    quality[30:35] = 0
+    engine = Engine(LoopTable([Loop(name="L")]))
+    engine.step(replace(samples, pv=pv, quality=quality))
+    engine.step(samples)
+    counts = engine.counts()
+    assert sum(counts[n] for n in ("ok", "bad_value", "bad_quality", "duplicate", "late")) == 1800
+    assert counts["bad_value"] == 10
+    assert counts["bad_quality"] == 5
+
+
+def test_a_loop_may_join_later():
+    """`add` leaves the others alone; a taken name is refused."""
+    engine = Engine(LoopTable([Loop(name="A")]))
+    engine.step(stepped().take(slice(0, 300)))
+    assert engine.is_open(0)
+    assert engine.add(Loop(name="B")) == 1
+    with pytest.raises(ValueError, match="taken"):
+        engine.add(Loop(name="A"))
+    assert engine.is_open(0)
+    assert not engine.is_open(1)
+    engine.step(replace(stepped(), loop=np.ones(900, np.int32)))
+    engine.flush()
+    assert [r.events for r in (engine.row(0), engine.row(1))] == [1, 1]
+    assert isinstance(engine.row(1), LoopRow)

@@ -54,6 +54,8 @@ class Order:
         self.held = np.zeros((0, HELD + 1), ENTRY)
         self.late = 0
         """Entries that came later than the window allows."""
+        self.waiting = 0
+        """Entries held."""
         self.grow(loops)
 
     def grow(self, loops: int) -> None:
@@ -71,21 +73,19 @@ class Order:
 
     def push(self, entries: NDArray[Any], arrival: float) -> Samples:
         """Take in entries (dtype `ENTRY`) at wall time ``arrival`` [s]; return the samples that are due."""
-        out = np.zeros(len(entries) + int(self.state["count"].sum()), ENTRY)
-        n, late = _push(self.state, self.held, entries, self.window, arrival, out)
+        out = np.empty(len(entries) + self.waiting, ENTRY)
+        n, late, more = _push(self.state, self.held, entries, self.window, arrival, out)
         self.late += late
+        self.waiting += more
         return _samples(out[:n])
 
     def release(self, before: float) -> Samples:
         """Let go of what loops hold that had nothing newer since wall time ``before`` [s]."""
         rows = np.flatnonzero((self.state["count"] > 0) & (self.state["arrival"] <= before))
-        out = np.zeros(int(self.state["count"][rows].sum()), ENTRY)
+        n = int(self.state["count"][rows].sum())
+        self.waiting -= n
+        out = np.empty(n, ENTRY)
         return _samples(out[: _release(self.state, self.held, rows, out)])
-
-    @property
-    def waiting(self) -> int:
-        """Entries held."""
-        return int(self.state["count"].sum())
 
 
 def _samples(entries: NDArray[Any]) -> Samples:
@@ -95,8 +95,8 @@ def _samples(entries: NDArray[Any]) -> Samples:
 
 @jit
 def _push(state, held, entries, window, arrival, out):
-    """Sort entries in and release what is due; return (samples, late entries)."""
-    n = late = 0
+    """Sort entries in and release what is due; return (samples, late entries, how many more are held)."""
+    n = late = more = 0
     for k in range(len(entries)):
         x = entries[k]
         s = state[x.loop]
@@ -104,6 +104,7 @@ def _push(state, held, entries, window, arrival, out):
             if x.kind == SAMPLE or x.kind > TAG_AUTO or not _take_over(s, x):
                 late += 1
             continue
+        more -= s.count
         j = s.count
         while j > 0 and _after(held[x.loop, j - 1], x):
             held[x.loop, j] = held[x.loop, j - 1]
@@ -117,7 +118,8 @@ def _push(state, held, entries, window, arrival, out):
             s.newest = x.time
             s.arrival = arrival
             n = _let_go(s, held, x.loop, s.newest - window - 1, out, n)
-    return n, late
+        more += s.count
+    return n, late, more
 
 
 @jit

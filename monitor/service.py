@@ -47,6 +47,8 @@ ASSESS_TIME = 0.05
 """Time in a tick for assessing closed events: in an upset the ingest goes on [s]."""
 STATUS_EVERY = 10.0
 """[s]"""
+RELEASE_EVERY, WATCH_EVERY = 0.1, 0.2
+"""Between two looks at all loops: for idle ones, and for those worth a trend [s]."""
 TREND_EVERY = 1.0
 """[s]"""
 MOST_TRENDS = 50
@@ -134,7 +136,8 @@ class Service:
         self._retry = 0.0
         self._flagged: set[int] = set()
         self._trend: list[Samples] = []
-        self._next_status = self._next_trend = monotonic()
+        self._next_status = self._next_trend = self._next_release = self._next_watch = monotonic()
+        self._watched = np.zeros(0, np.bool_)
         self._last = (monotonic(), 0, 0)
         self._rates = (0.0, 0.0)
         self._old_rows = store.rows()
@@ -173,7 +176,9 @@ class Service:
             for cause, key, why in self.decoder.refused:
                 log.warning("%s: %s: %s", cause, plain(key), plain(why))
             batches.append(self.order.push(entries, now))
-        batches.append(self.order.release(now - max(self.config.reorder_window, 0.1)))
+        if now >= self._next_release:  # looks at every loop: not at every tick
+            self._next_release = now + RELEASE_EVERY
+            batches.append(self.order.release(now - max(self.config.reorder_window, 0.1)))
         return [b for b in batches if len(b)]
 
     def _register(self, name: str, key: str) -> int | None:
@@ -293,11 +298,13 @@ class Service:
 
     def _show(self, batches: list[Samples], now: float) -> None:
         """Publish the new samples of flagged loops and of open events, about once a second."""
-        watched = np.zeros(len(self.loops), np.bool_)
-        watched[sorted(self._flagged)[:MOST_TRENDS]] = True
-        opened = np.flatnonzero(self.engine.detector.state["slot"] >= 0)[:MOST_TRENDS]
-        watched[opened] = True
-        self._trend += [b.take(watched[b.loop]) for b in batches]
+        if now >= self._next_watch or len(self._watched) < len(self.loops):
+            self._next_watch = now + WATCH_EVERY
+            self._watched = np.zeros(len(self.loops), np.bool_)
+            self._watched[sorted(self._flagged)[:MOST_TRENDS]] = True
+            opened = np.flatnonzero(self.engine.detector.state["slot"] >= 0)[:MOST_TRENDS]
+            self._watched[opened] = True
+        self._trend += [b.take(self._watched[b.loop]) for b in batches]
         if now < self._next_trend:
             return
         self._next_trend = now + TREND_EVERY

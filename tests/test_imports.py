@@ -29,7 +29,18 @@ ARROW = {
 }
 CONTRACT = {"samples", "records", "loops", "wire", "frames"}
 CORE = {
-    *("kernel", "detect", "fitting", "closedloop", "identify", "reference", "assess", "health", "advise"),
+    *(
+        "kernel",
+        "detect",
+        "fitting",
+        "closedloop",
+        "identify",
+        "reference",
+        "assess",
+        "health",
+        "advise",
+        "rows",
+    ),
     *("engine", "order"),
 }
 OUTSIDE = {

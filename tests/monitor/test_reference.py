@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -47,9 +48,9 @@ def test_indices_of_the_published_loops(case):
 
 @pytest.mark.parametrize("size", [1.0, -1.0, 25.0])
 def test_at_the_dead_time_the_closed_forms_are_the_papers(size):
-    """With tc = theta: 2, 3.943 and, for I-PD, 8 |Ar| theta; 16 |mu| theta^2 |Ad|; the sign does not matter."""
+    """With tc = theta: 2, 3.943, for I-PD 8 |Ar| theta and the lag; 16 |mu| theta^2 |Ad|; signs do not matter."""
     model = IntegratingModel(-0.3, 2.0, 1.0)
-    times = {("pd", 1.0, 1.0): 2.0, ("pid", 1.0, 1.0): 1 + 8 / math.e, ("pid", 0.0, 0.0): 8.0}
+    times = {("pd", 1.0, 1.0): 2.0, ("pid", 1.0, 1.0): 1 + 8 / math.e, ("pid", 0.0, 0.0): 8.0 + 1.0 / 2.0}
     for (structure, b, c), factor in times.items():
         assert reference_iae(SETPOINT, size, model, structure, 2.0, b, c) == pytest.approx(
             factor * abs(size) * 2.0
@@ -91,7 +92,10 @@ def test_other_weights_are_simulated(b, c):
     """A PI-D or a weighted set point is judged by a reference of its own weights, slower than the full one."""
     model = IntegratingModel(0.4, 1.0, 2.0)
     full = reference_iae(SETPOINT, 1.0, model, "pid", 1.0)
-    assert reference_iae(SETPOINT, 1.0, model, "pid", 1.0, b, c) > 0.98 * full
+    found = reference_iae(SETPOINT, 1.0, model, "pid", 1.0, b, c)
+    assert found > 0.98 * full
+    rule = replace(reference_settings(model, "pid", 1.0), b=b, c=c)
+    assert found == pytest.approx(closed_loop_response(model, rule).iae, rel=0.03)
 
 
 @settings(max_examples=30, deadline=None)

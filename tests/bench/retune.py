@@ -48,7 +48,9 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np  # noqa: E402 (after the threads)
 from retune_fleet import CASES  # noqa: E402
-from retune_judge import Outcome, judge_many, turns_pi_into_pid  # noqa: E402
+from retune_judge import NERVOUS, Outcome, judge_many, turns_pi_into_pid  # noqa: E402
+
+from monitor.records import GOOD  # noqa: E402
 
 SEED = 20_100_261
 """Held out: named here and nowhere else."""
@@ -90,7 +92,7 @@ def main() -> None:
             print(table_line(name, done), flush=True)
     for name in args.case:
         mine = [o for o in outcomes if o.case == name]
-        print(f"\n{name}: not cured, by cause")
+        print(f"\n{name}: {aside(mine)}; not cured, by cause:")
         for cause, count in causes(mine).most_common(12):
             print(f"{count:6d}  {cause}")
         for outcome in worst(mine)[: args.worst]:
@@ -161,6 +163,13 @@ def mark(value: float, missed: bool, form: str) -> str:
 
 # ---------------------------------------------------------------------------------------------------
 # why
+
+
+def aside(done: Sequence[Outcome]) -> str:
+    """Say what the table leaves out."""
+    steep = sum((o.ms_stages or 0.0) > NERVOUS for o in done)
+    trusted = sum(o.row["verdict"] == GOOD and o.ms_before > NERVOUS for o in done)
+    return f"{steep} with a stage of Ms above 3, {trusted} called good in spite of Ms above 3"
 
 
 def causes(done: Sequence[Outcome]) -> Counter[str]:

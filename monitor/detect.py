@@ -35,6 +35,8 @@ class Detector:
         self.state = np.zeros(0, STATE)
         self.ring = np.zeros((0, RING, 3))
         self.ring_time = np.zeros((0, RING), np.int64)
+        self.coarse = np.zeros((0, RING, 3))
+        self.coarse_time = np.zeros((0, RING), np.int64)
         self.slab = np.zeros((0, WINDOW, 4))
         self.free = np.zeros(0, np.int64)
         self.n_free = np.zeros(1, np.int64)
@@ -53,6 +55,8 @@ class Detector:
         n = len(self.state)
         self.ring = _grown(self.ring, n)
         self.ring_time = _grown(self.ring_time, n)
+        self.coarse = _grown(self.coarse, n)
+        self.coarse_time = _grown(self.coarse_time, n)
 
     def run(self, samples: Samples) -> list[tuple[Any, NDArray[np.float64]]]:
         """Take in samples; return what opened and closed, in the samples' order.
@@ -68,7 +72,8 @@ class Detector:
         while at < len(samples):
             self._make_room()
             at, n = kernel.run(
-                self.state, self.param, self.ring, self.ring_time, self.slab, self.free, self.n_free, self.out,
+                self.state, self.param, self.ring, self.ring_time, self.coarse, self.coarse_time, self.slab,
+                self.free, self.n_free, self.out,
                 samples.loop, samples.time, samples.sp, samples.pv, samples.op, samples.auto, samples.quality, at,
             )  # fmt: skip
             found += self._drain(n)

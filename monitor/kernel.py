@@ -20,6 +20,12 @@ WARM_UP = 20
 """Quiet samples before a baseline is trusted: the mean of 20 has 0.22 of one sample's noise."""
 RING = 128
 """Samples kept from before an event: baseline for the fit, and the picture's left margin."""
+COARSE = 8
+"""Samples in a point of the coarse ring, which reaches this many times further back: a load step on a sluggish
+loop is noticed long after it came."""
+SNAPSHOT = 64
+"""Samples between two looks at the noise. A load step is suspected against the noise of one to two looks ago, which
+a slow response has not yet widened."""
 LEAST_BEFORE = 8
 """Samples of the window from before the onset, even where the loop was not at rest."""
 WINDOW = 1024
@@ -68,43 +74,22 @@ _BASELINE = [(name, _f) for name in ("pv0", "op0", "sd_e", "noise")]
 
 PARAM = np.dtype([("period", _f), ("pv_min", _f), ("pv_max", _f), ("op_low", _f), ("op_high", _f)])
 
+_NOISE = ("mean_e", "var_e", "abs_e", "mean_s", "var_s")
+"""The error's mean, variance and mean size when quiet, and mean and variance of its short average [PV]."""
+_FACTS = "phase time seen warm based away ringed looks slot auto kind moved moves events".split()
+_EVENT = "onset still end end_state end_cause points before stride skipped".split()
+_SHAPE = "amplitude held low high sum_e sum_t quiet sp_from".split()
+_LAST = "sp pv op dpv period short mean_pv mean_op var_d quantum".split()
+_LIFE = "wall_time good_time manual_time limit_time travel".split()
+
 STATE = np.dtype(
     [
-        *[
-            (n, _i)
-            for n in ("phase", "time", "seen", "warm", "based", "away", "ringed", "slot", "auto", "kind")
-        ],
-        *[(n, _f) for n in ("sp", "pv", "op", "dpv", "period")],
-        *[
-            (n, _f)
-            for n in ("mean_e", "var_e", "abs_e", "short", "mean_s", "var_s", "mean_pv", "mean_op", "var_d")
-        ],
-        ("quantum", _f),
-        # the set point's move
-        *[(n, _i) for n in ("moved", "moves")],
-        ("sp_from", _f),
-        # the open event
-        *[
-            (n, _i)
-            for n in (
-                "onset",
-                "still",
-                "end",
-                "end_state",
-                "end_cause",
-                "points",
-                "before",
-                "stride",
-                "skipped",
-            )
-        ],
-        *[(n, _f) for n in ("amplitude", "held", "low", "high", "sum_e", "sum_t", "quiet")],
+        *[(n, _i) for n in (*_FACTS, *_EVENT, *COUNTS)],
+        *[(n, _f) for n in (*_LAST, *_SHAPE, *_LIFE, *_NOISE)],
+        # the noise at the last look, and at the one before
+        *[(f"{n}_{k}", _f) for k in (1, 2) for n in _NOISE],
         *_INTEGRALS,
         *_BASELINE,
-        # the loop's life
-        *[(n, _f) for n in ("wall_time", "good_time", "manual_time", "limit_time", "travel")],
-        ("events", _i),
-        *[(n, _i) for n in COUNTS],
     ]
 )
 
@@ -134,7 +119,26 @@ OUT = np.dtype(
 
 
 @jit
-def run(state, param, ring, ring_time, slab, free, n_free, out, loop, time, sp, pv, op, auto, quality, at):
+def run(
+    state,
+    param,
+    ring,
+    ring_time,
+    coarse,
+    coarse_time,
+    slab,
+    free,
+    n_free,
+    out,
+    loop,
+    time,
+    sp,
+    pv,
+    op,
+    auto,
+    quality,
+    at,
+):
     """Run from sample ``at`` until the samples or the room for events end; return (next sample, events).
 
     What concerns one loop's numbers happens in `_step`, which says what is to be done with its window: so the
@@ -153,13 +157,22 @@ def run(state, param, ring, ring_time, slab, free, n_free, out, loop, time, sp, 
         if s.slot >= 0 and not act & (CUT | DROP):
             _append(s, slab, time[k], sp[k], pv[k], op[k])
         if act:
-            n = _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time[k], sp[k], pv[k])
+            n = _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time[k], sp[k])
+            if act & BEGIN_LOAD:
+                _begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time[k], pv[k])
             if act & (BEGIN | BEGIN_LOAD):
                 _append(s, slab, time[k], sp[k], pv[k], op[k])
         _keep(s, time[k], sp[k], pv[k], op[k], auto[k])
         j = s.ringed & (RING - 1)
         ring_time[i, j] = time[k]
         ring[i, j, 0], ring[i, j, 1], ring[i, j, 2] = sp[k], pv[k], op[k]
+        j = (s.ringed // COARSE) & (RING - 1)
+        b = s.ringed % COARSE
+        if b == 0:
+            coarse_time[i, j] = time[k]
+            coarse[i, j, 0], coarse[i, j, 1], coarse[i, j, 2] = sp[k], pv[k], op[k]
+        else:  # OP held from point to point is its mean
+            coarse[i, j, 2] += (op[k] - coarse[i, j, 2]) / (b + 1)
         s.ringed += 1
         # often at first, then once a turn: a gateway that changes its rate is followed
         if param[i].period == 0 and (s.ringed & (RING - 1) == 0 or s.ringed in {8, 16, 32}):
@@ -217,7 +230,7 @@ def _step(s, p, time, sp, pv, op, auto):
     if s.phase <= QUIET:
         if moved and s.period > 0:
             return BEGIN
-        if s.phase == QUIET and s.warm >= KNOWN and _suspicious(s):
+        if s.phase == QUIET and s.looks > 0 and _suspicious(s):
             return BEGIN_LOAD
         _listen(s, sp - pv, pv, op)
         return 0
@@ -255,7 +268,7 @@ def _live(s, p, dt, gap, op):
 def _restart(s, sp, pv):
     """Begin anew after a gap, a mode change, or at the loop's first sample."""
     s.phase = WARMING
-    s.warm = s.based = s.away = s.ringed = 0
+    s.warm = s.based = s.away = s.ringed = s.looks = 0
     s.mean_e = s.var_e = s.abs_e = s.var_s = s.var_d = 0.0
     s.short = s.mean_s = sp - pv
     s.quantum = 0.0
@@ -304,7 +317,7 @@ def _follow(s, time, dt, sp, pv, moved):  # noqa: C901, PLR0911 (a return for ea
 
 
 @jit
-def _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time, sp, pv):
+def _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time, sp):
     """Do with the window what `_step` asked for; return the number of events in ``out``."""
     if act & DROP:
         _drop(s, free, n_free)
@@ -312,10 +325,7 @@ def _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time, sp, pv):
         n = _confirm(s, out, n, i, time, sp)
     if act & (CUT | DONE):
         n = _close(s, out, n, i)
-    if act & BEGIN_LOAD:
-        _begin(s, ring, ring_time, slab, free, n_free, i, time)
-        _begin_load(s, ring, ring_time, i, time, pv)
-    if act & BEGIN:
+    if act & (BEGIN | BEGIN_LOAD):
         _begin(s, ring, ring_time, slab, free, n_free, i, time)
     return n
 
@@ -374,13 +384,27 @@ def _listen(s, e, pv, op):
     s.mean_op += w * (op - s.mean_op)
     if s.phase == WARMING and s.based >= WARM_UP:
         s.phase = QUIET
+    if s.warm >= KNOWN and (s.warm - KNOWN) % SNAPSHOT == 0:
+        _look(s)
+
+
+@jit
+def _look(s):
+    """Keep the error's noise as it is now; the look before stays at hand."""
+    first = s.looks == 0
+    s.mean_e_2, s.var_e_2 = (s.mean_e, s.var_e) if first else (s.mean_e_1, s.var_e_1)
+    s.mean_s_2, s.var_s_2 = (s.mean_s, s.var_s) if first else (s.mean_s_1, s.var_s_1)
+    s.abs_e_2 = s.abs_e if first else s.abs_e_1
+    s.mean_e_1, s.var_e_1, s.abs_e_1, s.mean_s_1, s.var_s_1 = s.mean_e, s.var_e, s.abs_e, s.mean_s, s.var_s
+    s.looks += 1
 
 
 @jit
 def _suspicious(s):
     """Whether the short average of the error has left its band: a load step, or the plant's weather."""
-    band = TRIGGER * (1.0 + 30.0 / s.warm) * np.sqrt(s.var_s) + 0.5 * s.quantum + 1e-9 * abs(s.sp)
-    return abs(s.short - s.mean_s) > band
+    wider = 1.0 + 30.0 / (KNOWN + SNAPSHOT * max(s.looks - 2, 0))
+    band = TRIGGER * wider * np.sqrt(s.var_s_2) + 0.5 * s.quantum + 1e-9 * abs(s.sp)
+    return abs(s.short - s.mean_s_2) > band
 
 
 @jit
@@ -419,8 +443,8 @@ def _begin(s, ring, ring_time, slab, free, n_free, i, time):
 
 
 @jit
-def _begin_load(s, ring, ring_time, i, time, pv):
-    """Turn the window just opened into a suspected load step's; its integrals reach back over the ring.
+def _begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time, pv):
+    """Turn the window just opened into a suspected load step's; it and the integrals reach back to quiet times.
 
     The step came before it was noticed: the onset is found when the event is assessed. Nothing is reported
     until then.
@@ -429,17 +453,35 @@ def _begin_load(s, ring, ring_time, i, time, pv):
     s.kind = LOAD_STEP
     s.events += 1
     s.held = s.sp
+    # the noise of before the response
+    s.mean_e, s.var_e, s.abs_e, s.mean_s, s.var_s = s.mean_e_2, s.var_e_2, s.abs_e_2, s.mean_s_2, s.var_s_2
+    s.sd_e = np.sqrt(s.var_e)
     s.amplitude = abs(s.short - s.mean_s)
     s.still = time
     s.low = s.high = s.short
     s.sum_e = s.sum_t = 0.0
-    for j in range(s.before - 1):
-        a = (s.ringed - s.before + j) % RING
-        b = (s.ringed - s.before + j + 1) % RING
-        dt = (ring_time[i, b] - ring_time[i, a]) * 1e-9
-        _add(s, ring[i, a, 0], ring[i, a, 1], ring[i, b, 1], ring[i, a, 2], dt)
-    dt = (time - s.time) * 1e-9
-    _add(s, s.sp, s.pv, pv, s.op, dt)
+    w = slab[s.slot]
+    first = ((s.ringed - min(s.ringed, RING, s.based) + COARSE - 1) // COARSE) * COARSE  # of the fine points
+    n = 0
+    quiet = max((s.ringed - s.based + COARSE - 1) // COARSE, first // COARSE - RING + 1, 0)
+    for k in range(quiet, first // COARSE):
+        j = k & (RING - 1)
+        w[n, 0] = (coarse_time[i, j] - time) * 1e-9
+        w[n, 1], w[n, 2], w[n, 3] = coarse[i, j, 0], coarse[i, j, 1], coarse[i, j, 2]
+        n += 1
+    for k in range(first, s.ringed):
+        j = k & (RING - 1)
+        w[n, 0] = (ring_time[i, j] - time) * 1e-9
+        w[n, 1], w[n, 2], w[n, 3] = ring[i, j, 0], ring[i, j, 1], ring[i, j, 2]
+        n += 1
+    s.points = s.before = n
+    s.pv0 = s.op0 = 0.0
+    for k in range(n // 2):
+        s.pv0 += w[k, 2] / (n // 2)
+        s.op0 += w[k, 3] / (n // 2)
+    for k in range(n - 1):
+        _add(s, w[k, 1], w[k, 2], w[k + 1, 2], w[k, 3], w[k + 1, 0] - w[k, 0])
+    _add(s, s.sp, s.pv, pv, s.op, (time - s.time) * 1e-9)
 
 
 @jit

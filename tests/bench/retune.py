@@ -24,7 +24,8 @@ simulated without noise and limits. A loop needs retuning if its true CI for the
 with known settings, its Ms above 3; it is cured if a suggestion brings that CI to 0.6. What is said of gain and
 T0 is judged over all events whose record gives numbers; ``verif`` counts those with a verdict, ``other`` events that
 nobody made. Milliseconds are processor time of one event's assessment and advice: ``direct`` where a direct fit was
-all, ``full`` where a closed loop was simulated or settings were checked against the worst model.
+all, ``full`` where a closed loop was simulated or settings were checked against the worst model. ``unst`` counts true
+loops made unstable, PI turned into PID, and exceptions of the engine.
 
 Default seed: for nothing but this benchmark. Develop with another one.
 """
@@ -115,6 +116,7 @@ def table_line(name: str, done: Sequence[Outcome]) -> str:
     over = share(ms > MOST_MS)
     worst_said = max((o.row["new_ms_worst"] for o in given), default=math.nan)
     bad = int(np.isinf(ms).sum()) + sum(turns_pi_into_pid(o) for o in given)
+    bad += sum(bool(o.crash) for o in done)
     cured = share(o.cured for o in need)
     shown = [o for o in done if o.record.get("gain") is not None]
     error = [abs(o.record["gain"] / o.plant["gain"] - 1) for o in shown]
@@ -169,7 +171,10 @@ def aside(done: Sequence[Outcome]) -> str:
     """Say what the table leaves out."""
     steep = sum((o.ms_stages or 0.0) > NERVOUS for o in done)
     trusted = sum(o.row["verdict"] == GOOD and o.ms_before > NERVOUS for o in done)
-    return f"{steep} with a stage of Ms above 3, {trusted} called good in spite of Ms above 3"
+    crashed = sum(bool(o.crash) for o in done)
+    return (
+        f"{crashed} crashed, {steep} with a stage of Ms above 3, {trusted} called good in spite of Ms above 3"
+    )
 
 
 def causes(done: Sequence[Outcome]) -> Counter[str]:
@@ -179,6 +184,8 @@ def causes(done: Sequence[Outcome]) -> Counter[str]:
 
 def cause(outcome: Outcome) -> str:
     """Say in short what kept a loop from being cured."""
+    if outcome.crash:
+        return f"crash: {outcome.crash}"
     if not outcome.events:
         return "no event found"
     reason = re.sub(r"-?[\d.]+(e[-+]?\d+)?", "#", outcome.row["reason"])
@@ -196,7 +203,7 @@ def worst(done: Sequence[Outcome]) -> list[Outcome]:
 
     def badness(o: Outcome) -> tuple[float, float]:
         nervous = 0.0 if o.ms_after is None else o.ms_after
-        lost = o.needs and not o.cured
+        lost = bool(o.crash) or (o.needs and not o.cured)
         return (nervous if nervous > MOST_MS else 0.0), lost * (1 - o.ci_after.get(o.kind, 0.0))
 
     return sorted((o for o in done if badness(o) != (0.0, 0.0)), key=badness, reverse=True)
@@ -225,7 +232,7 @@ def describe(o: Outcome) -> str:
     lines += [
         f"    today  {line(('form', 'kp', 'ti', 'td', 'tf'), o.controller)}  Ms {o.ms_before:.3g}  "
         + line(("setpoint", "load"), dict(o.ci_before)),
-        f"    said   {o.row['verdict']}: {o.row['reason']}",
+        f"    said   {o.row['verdict']}: {o.row['reason']}{o.crash}",
     ]
     if o.new:
         lines += [

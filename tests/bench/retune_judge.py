@@ -37,6 +37,8 @@ class Outcome:
     ms_before: float = math.nan
     ci_before: dict[str, float] = field(default_factory=dict)
     """By kind of event."""
+    crash: str = ""
+    """What the engine raised; data never should."""
     events: int = 0
     """Of the right kind."""
     others: int = 0
@@ -115,8 +117,11 @@ def judge(case: Case, number: int, seed: int) -> Outcome:
     engine = Engine(LoopTable([loop]))
     records = engine.detect(samples)
     began = time.thread_time()
-    records += engine.assess()
-    records += engine.flush()
+    try:
+        records += engine.assess()
+        records += engine.flush()
+    except Exception as error:  # noqa: BLE001 (one loop must not end the benchmark; it counts as a failure)
+        out.crash = f"{type(error).__name__}: {error}"
     spent = time.thread_time() - began
     made = [r for r in records if isinstance(r, Assessment)]
     right = [r for r in made if r.kind == case.kind]

@@ -463,7 +463,7 @@ def _begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time, pv):
     w = slab[s.slot]
     first = ((s.ringed - min(s.ringed, RING, s.based) + COARSE - 1) // COARSE) * COARSE  # of the fine points
     n = 0
-    quiet = max((s.ringed - s.based + COARSE - 1) // COARSE, first // COARSE - RING + 1, 0)
+    quiet = max((s.ringed - s.based + COARSE - 1) // COARSE, s.ringed // COARSE - RING + 1, 0)
     for k in range(quiet, first // COARSE):
         j = k & (RING - 1)
         w[n, 0] = (coarse_time[i, j] - time) * 1e-9

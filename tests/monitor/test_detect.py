@@ -794,3 +794,21 @@ def test_the_period_is_measured_and_followed():
     assert detector.state[0]["period"] == 2.0
     detector.run(Samples.of(0, times(300, 5.0, START + 1000 * SECOND), 50.0, 50.0, 20.0))
     assert detector.state[0]["period"] == 5.0
+
+
+@pytest.mark.parametrize("before", [90, 300, 1100, 1500, 4000, 4003])
+def test_windows_of_suspected_load_steps_run_forward_in_time(before):
+    """However far back the window reaches into the rings, its points are the samples', in order, none twice."""
+    n = before + 400
+    rng = np.random.default_rng(before)
+    pv = 50 + rng.normal(0, 0.02, n)
+    late = np.arange(n) - before
+    pv = pv + np.where(late > 0, 3.0 * late / 20 * np.exp(-late / 40.0), 0.0)
+    samples = Samples.of(0, times(n), 50.0, pv, 100 - pv)
+    detector = Detector([Loop(name="L")])
+    found = [f for f in detector.run(samples) + detector.flush() if f[0]["what"] == CLOSED]
+    assert found
+    for event, window in found:
+        at = np.round(window[:, 0] + (event["onset"] - START) / SECOND).astype(int)
+        assert np.all(np.diff(at) > 0)
+        np.testing.assert_array_equal(window[:, 2], pv[at])

@@ -230,7 +230,7 @@ def _step(s, p, time, sp, pv, op, auto):
     if s.phase <= QUIET:
         if moved and s.period > 0:
             return BEGIN
-        if s.phase == QUIET and s.looks > 0 and _suspicious(s):
+        if s.phase == QUIET and s.looks > 0 and s.based >= WARM_UP and _suspicious(s):
             return BEGIN_LOAD
         _listen(s, sp - pv, pv, op)
         return 0
@@ -403,7 +403,9 @@ def _look(s):
 def _suspicious(s):
     """Whether the short average of the error has left its band: a load step, or the plant's weather."""
     wider = 1.0 + 30.0 / (KNOWN + SNAPSHOT * max(s.looks - 2, 0))
-    band = TRIGGER * wider * np.sqrt(s.var_s_2) + 0.5 * s.quantum + 1e-9 * abs(s.sp)
+    # without noise the band would be nothing: the last event's tail, below its own settling band, is no load
+    least = 0.5 * s.quantum + 2e-3 * abs(s.amplitude) + 1e-9 * abs(s.sp)
+    band = TRIGGER * wider * np.sqrt(s.var_s_2) + least
     return abs(s.short - s.mean_s_2) > band
 
 

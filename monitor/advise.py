@@ -108,11 +108,11 @@ def advise(
     times = tc * np.geomspace(1.0, SLOWEST, 25)
     try:
         candidates = [_candidate(loop, form, model, structure, float(time)) for time in times]
+        many = _stack(candidates)
+        noises = op_noise(many, noise, period)
     except (ValueError, NotRepresentableError) as error:
         return Withheld(f"no settings of the rule {RULE[structure]} for this model: {error}")
-    many = _stack(candidates)
     worst = np.max(peak_sensitivity(held(_region(fit), period), many), axis=0)
-    noises = op_noise(many, noise, period)
     limits: list[tuple[str, Any]] = [
         (f"Ms stays above {loop.ms_max:g} for the worst model inside the intervals", worst <= loop.ms_max)
     ]

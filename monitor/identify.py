@@ -277,7 +277,7 @@ def model_response(window: Array, before: int, fit: Fit) -> Array:
     x = fit.gain * response(t, u, kind, fit.dead_time, fit.lag, fit.lag2)
     if fit.size is not None and fit.onset is not None:
         x = x + fit.size * load_response(t - fit.onset, kind, fit.gain, fit.dead_time, fit.lag, fit.lag2)
-    rest = np.polynomial.polynomial.polyfit(t, y - x, 1 if kind == 0 and not load else 0)
+    rest = np.polynomial.polynomial.polyfit(t, y - x, 1 if kind == 0 else 0)
     return np.asarray(x + np.polynomial.polynomial.polyval(t, rest), dtype=np.float64)
 
 

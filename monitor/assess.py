@@ -135,7 +135,7 @@ def assess_event(loop: Loop, form: str, event: Any, window: Array) -> Finding:
         else 0.0,
         iae=iae,
         ci=ci,
-        process=fit.process if fit is not None and decided else "undecided",
+        process=fit.process if fit is not None and decided and _explained(fit, event) else "undecided",
         method=None if fit is None else fit.method,
         fit=None if fit is None else fit.quality,
         coverage=coverage(event),

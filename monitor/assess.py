@@ -159,7 +159,9 @@ def assess_event(loop: Loop, form: str, event: Any, window: Array) -> Finding:
 def _op_moved(fit: Fit, event: Any, window: Array) -> bool:
     """Whether OP went from one level to another: the load's size stands out of what OP did when quiet."""
     quiet = window[: max(int(event["before"]) // 2, 2), 3]
-    return fit.size is not None and abs(fit.size) > 2.0 * float(np.std(quiet))
+    # a process without any dynamics is the controller seen backwards: noise and slow drift look like that
+    dynamic = fit.t0 > 0.5 * float(event["period"])
+    return fit.size is not None and abs(fit.size) > 0.5 * float(np.std(quiet)) and dynamic
 
 
 def _explained(fit: Fit, event: Any) -> bool:
@@ -297,13 +299,9 @@ def _ended(event: Any) -> str:
 def index(loop: Loop, event: Any, fit: Fit) -> float | None:
     """CI_sp or CI_ld: the reference's IAE over the measured one (its noise's share taken off); None where none applies.
 
-    Of an event that was cut short the IAE is a lower bound, so CI is an upper one; it is given only where
-    the error had died down to a tenth of the step.
+    Of an event that was cut short the IAE is a lower bound, so CI is an upper one. It is given where the error
+    had died down to a tenth of the step, and where even the bound is too low.
     """
-    if STATES[event["state"]] != SETTLED and abs(float(event["offset"])) > 0.1 * abs(
-        float(event["amplitude"])
-    ):
-        return None
     model = model_of(fit)
     structure = reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), float(event["period"]))
@@ -313,7 +311,12 @@ def index(loop: Loop, event: Any, fit: Fit) -> float | None:
     except ValueError:
         return None
     iae = float(event["iae"] - event["iae_noise"])
-    return best / iae if math.isfinite(best) and iae > 0 else None
+    if not math.isfinite(best) or iae <= 0:
+        return None
+    still_far = abs(float(event["offset"])) > 0.1 * abs(float(event["amplitude"]))
+    if STATES[event["state"]] != SETTLED and still_far and best / iae >= loop.ci_min:
+        return None
+    return best / iae
 
 
 def current_sensitivity(loop: Loop, form: str, model: Model | None, period: float) -> float | None:

@@ -8,19 +8,22 @@ Ljung 1999, ch. 13), but needs settings and form that reproduce the loop's OP.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tuners.settings import NotRepresentableError, Settings
 
-from .fitting import closed_loop, load_response
+from .fitting import closed_loop
 from .identify import INDIRECT, INTEGRATING, Array, Fit, with_uncertainty
 
 REPRODUCES = 0.98
 """Share of OP's variance that the known settings must explain, fed with the measured SP and PV."""
 OFF_GRID = 0.15
 """Sample periods by which a point may lie off the regular grid on which a controller is simulated."""
+MOST_SCANS = 50_000
+"""Scans above which a window is not simulated."""
 ITERATIONS = 25
 """Levenberg-Marquardt steps; five to ten do."""
 
@@ -31,7 +34,7 @@ class _Case:
 
     kind: int
     period: float
-    at: np.ndarray
+    at: NDArray[np.int64]
     """(n,) scan of each point; negative before the onset."""
     time: Array
     """(n,) [s] from the onset."""
@@ -41,7 +44,8 @@ class _Case:
     """(n,) PV as deviation [PV]."""
     controller: tuple[float, float, float, float, float, float]
     """kp, ki, kd, tf, b, c of the standard form."""
-    load: bool
+    sign: float
+    lag2: float
 
 
 def reproduces(window: Array, settings: Settings, period: float) -> float:
@@ -71,7 +75,7 @@ def reproduces(window: Array, settings: Settings, period: float) -> float:
 
 
 def indirect_fit(window: Array, before: int, period: float, settings: Settings, start: Fit) -> Fit | None:
-    """Fit the model by simulating the closed loop, from the direct fit on.
+    """Fit the model to a set-point step by simulating the closed loop, from the direct fit on.
 
     Parameters
     ----------
@@ -84,7 +88,7 @@ def indirect_fit(window: Array, before: int, period: float, settings: Settings, 
     settings
         Of the controller, in any form.
     start
-        The direct fit: kind of process, first guess, and whether a load stepped.
+        The direct fit: kind of process and first guess.
 
     Returns
     -------
@@ -94,17 +98,14 @@ def indirect_fit(window: Array, before: int, period: float, settings: Settings, 
     case = _case(window, before, period, settings, start)
     if case is None:
         return None
-    p = np.array(
-        [math.log(abs(start.gain)), start.lag, start.dead_time, *([start.onset] if case.load else [])]
-    )
-    sign = math.copysign(1.0, start.gain)
-    p, residual, size = _levenberg_marquardt(case, p.astype(np.float64), sign, start.lag2)
+    p = np.array([math.log(abs(start.gain)), start.lag, start.dead_time])
+    p, residual = _levenberg_marquardt(case, p)
     if not np.isfinite(residual).all():
         return None
-    jacobian = _jacobian(case, p, sign, start.lag2, residual)
-    model = (sign * math.exp(p[0]), float(p[1]), float(p[2]), start.lag2)
-    fit = with_uncertainty(start.process, model, case.time, case.y, residual, jacobian, INDIRECT)
-    return replace(fit, size=size, onset=float(p[3])) if case.load else fit
+    model = (case.sign * math.exp(p[0]), float(p[1]), float(p[2]), start.lag2)
+    # secants of 5 %: at a lag of zero the tangents of lag and dead time coincide
+    jacobian = _jacobian(case, p, residual, 0.05)
+    return with_uncertainty(start.process, model, case.time, case.y, residual, jacobian, INDIRECT)
 
 
 def _standard(settings: Settings) -> tuple[float, float, float, float, float, float] | None:
@@ -116,66 +117,55 @@ def _standard(settings: Settings) -> tuple[float, float, float, float, float, fl
 
 
 def _case(window: Array, before: int, period: float, settings: Settings, start: Fit) -> _Case | None:
-    controller, load = _standard(settings), start.onset is not None
+    controller = _standard(settings)
     if controller is None or period <= 0:
         return None
     t, sp, pv, _ = window.T
     at = np.round(t / period).astype(np.int64)
-    if np.abs(t - at * period).max() > OFF_GRID * period or np.any(np.diff(at) <= 0):
+    if np.abs(t - at * period).max() > OFF_GRID * period or np.any(np.diff(at) <= 0) or at[-1] > MOST_SCANS:
         return None
-    first = int(at[0]) if load else 0  # a set point moves at the onset; a load's onset is what is sought
     sp0 = float(np.median(sp[: max(before, 1)]))
-    scans = int(at[-1]) - first + 1
-    if scans > 50_000:
-        return None
-    place = np.searchsorted(at, np.arange(first, first + scans), side="right") - 1
-    r = sp[np.maximum(place, 0)] - sp0
+    place = np.searchsorted(at, np.arange(int(at[-1]) + 1), side="right") - 1
     return _Case(
-        kind=0 if start.process == INTEGRATING else 1, period=period, at=at - first, time=t, r=r, y=pv - sp0,
-        controller=controller, load=load,
-    )  # fmt: skip
+        kind=0 if start.process == INTEGRATING else 1,
+        period=period,
+        at=at,
+        time=t,
+        r=sp[np.maximum(place, 0)] - sp0,
+        y=pv - sp0,
+        controller=controller,
+        sign=math.copysign(1.0, start.gain),
+        lag2=start.lag2,
+    )
 
 
-def _residual(case: _Case, p: Array, sign: float, lag2: float) -> tuple[Array, float]:
-    """PV less the simulated one, a constant (and the load's size) fitted; (n,) [PV], and that size [OP]."""
-    gain, lag, dead_time = sign * math.exp(min(p[0], 700.0)), max(p[1], 0.0), max(p[2], 0.0)
-    disturbance = np.zeros(0)
-    if case.load:
-        grid = np.arange(len(case.r)) * case.period + float(case.time[0] - case.at[0] * case.period)
-        disturbance = load_response(grid - p[3], case.kind, gain, dead_time, lag, lag2)
-    y = closed_loop(case.r, case.period, case.kind, gain, dead_time, lag, lag2, *case.controller, disturbance)
-    simulated = np.where(case.at >= 0, y[np.maximum(case.at, 0)], 0.0)
-    if not case.load:
-        rest = case.y - simulated
-        return np.asarray(rest - rest.mean()), 0.0
-    moved = simulated - simulated.mean()
-    power = float(moved @ moved)
-    size = float(moved @ case.y) / power if power > 0 and math.isfinite(power) else 0.0
-    return np.asarray(case.y - case.y.mean() - size * moved), size
+def _residual(case: _Case, p: Array) -> Array:
+    """PV less the simulated one, a constant fitted; (n,) [PV]."""
+    gain, lag, dead_time = case.sign * math.exp(min(p[0], 700.0)), max(p[1], 0.0), max(p[2], 0.0)
+    y = closed_loop(case.r, case.period, case.kind, gain, dead_time, lag, case.lag2, *case.controller)
+    rest = case.y - np.where(case.at >= 0, y[np.maximum(case.at, 0)], 0.0)
+    return np.asarray(rest - rest.mean())
 
 
-def _jacobian(case: _Case, p: Array, sign: float, lag2: float, residual: Array) -> Array:
-    """(n, k): PV's change per unit of ln gain, lag, dead time [and onset]."""
-    scale = abs(p[1]) + abs(p[2]) + 0.2 * case.period
-    # secants of 5 %: at a lag of zero the tangents of lag and dead time coincide
-    steps = np.array([0.01, 0.05 * scale, 0.05 * scale, 0.05 * scale])[: len(p)]
+def _jacobian(case: _Case, p: Array, residual: Array, share: float) -> Array:
+    """(n, 3): PV's change per unit of ln gain, lag and dead time; secants of this share of T0."""
+    scale = share * (abs(p[1]) + abs(p[2]) + 0.2 * case.period)
     columns = []
-    for k, step in enumerate(steps):
+    for k, step in enumerate((0.01, scale, scale)):
         q = p.copy()
         q[k] += step
-        columns.append((residual - _residual(case, q, sign, lag2)[0]) / step)
+        columns.append((residual - _residual(case, q)) / step)
     return np.column_stack(columns)
 
 
-def _levenberg_marquardt(case: _Case, p: Array, sign: float, lag2: float) -> tuple[Array, Array, float]:
-    """Least squares in (ln gain, lag, dead time[, onset]), times at 0 or above: optimum, residual, load's size."""
-    residual, size = _residual(case, p, sign, lag2)
+def _levenberg_marquardt(case: _Case, p: Array) -> tuple[Array, Array]:
+    """Least squares in (ln gain, lag, dead time), times at 0 or above: optimum and residual."""
+    residual = _residual(case, p)
     cost, damping = float(residual @ residual), 1e-3
     for _ in range(ITERATIONS):
-        if not math.isfinite(cost):
-            break
-        j = _jacobian(case, p, sign, lag2, residual)
-        if not np.isfinite(j).all():
+        # short secants: one that reaches into the unstable region says nothing of the slope here
+        j = _jacobian(case, p, residual, 0.002)
+        if not (math.isfinite(cost) and np.isfinite(j).all()):
             break
         normal, slope = j.T @ j, j.T @ residual
         gained = 0.0
@@ -183,14 +173,14 @@ def _levenberg_marquardt(case: _Case, p: Array, sign: float, lag2: float) -> tup
             step = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal) + 1e-300), slope, rcond=None)[0]
             q = p + step
             q[0] = np.clip(q[0], p[0] - 1.0, p[0] + 1.0)
-            q[1:3] = np.maximum(q[1:3], 0.0)
-            trial, trial_size = _residual(case, q, sign, lag2)
+            q[1:] = np.maximum(q[1:], 0.0)
+            trial = _residual(case, q)
             value = float(trial @ trial)
             if value < cost:
                 gained = cost - value
-                p, residual, size, cost, damping = q, trial, trial_size, value, max(damping / 5, 1e-9)
+                p, residual, cost, damping = q, trial, value, max(damping / 5, 1e-9)
                 break
             damping *= 4
-        if gained < 1e-7 * cost or gained == 0.0:
+        if gained <= 1e-7 * cost:
             break
-    return p, residual, size
+    return p, residual

@@ -140,7 +140,7 @@ def search(t, u, y, kind):
     span = t[-1]
     step = (t[-1] - t[0]) / len(t)
     best = np.array([np.inf, 0.0, step, 0.0, 0.0])
-    onsets = 8 if kind >= 2 else 1
+    onsets = 10 if kind >= 2 else 1
     m = 12 if kind < 2 else 8
     thin = max(len(t) // 200, 1)  # the grid only has to find the valley
     tt, uu = _thinned(t, u, thin)
@@ -151,7 +151,10 @@ def search(t, u, y, kind):
         for b in range(m):
             lag = 0.0 if b == 0 else step * (longest / step) ** ((b - 1) / (m - 1))
             for c in range(onsets):
-                third = -t[0] * (c + 1) / onsets if kind >= 2 else 0.0
+                # a load is looked for far back and, ever more closely, shortly before it was noticed
+                third = (
+                    -t[0] - 2.0 * step * (-t[0] / (2.0 * step)) ** (c / (onsets - 1)) if kind >= 2 else 0.0
+                )
                 gain, rss = _gain_and_rss(tt, uu, yy, kind, dead_time, lag, third)
                 if rss < best[0]:
                     best[0], best[1], best[2], best[3], best[4] = rss, dead_time, lag, third, gain
@@ -200,8 +203,8 @@ def _nelder_mead(t, u, py, kind, start, dim, step, longest):  # noqa: C901, PLR0
     for k in range(dim + 1):
         for m in range(3):
             points[k, m] = start[1 + m] + (scale if k == m + 1 else 0.0)
-            if kind >= 2 and m == 2 and k == 3:
-                points[k, m] = 0.8 * start[3]
+            if kind >= 2 and m == 2 and k == 3:  # a fifth earlier, seen from when it was noticed
+                points[k, m] = max(start[3] - 0.2 * (-t[0] - start[3]) - step, 0.0)
     at, phase, kept_value = 0, FILL, 0.0  # `at`: the vertex that is evaluated while the simplex is (re)filled
     for _ in range(200):
         if phase == FILL:
@@ -304,11 +307,10 @@ def load_response(age, kind, gain, dead_time, lag, lag2):
 
 
 @jit
-def closed_loop(r, period, kind, gain, dead_time, lag, lag2, kp, ki, kd, tf, b, c, disturbance):
+def closed_loop(r, period, kind, gain, dead_time, lag, lag2, kp, ki, kd, tf, b, c):
     """PV of the loop from rest, scan by scan: the model under a PID (standard form, backward differences).
 
-    ``r`` is the set point, ``disturbance`` PV's response to a load (empty: none), both as deviations. OP is held
-    over a scan; a dead time between scans splits the hold.
+    ``r`` is the set point as deviation. OP is held over a scan; a dead time between scans splits the hold.
     """
     n = len(r)
     y, u = np.zeros(n), np.zeros(n)
@@ -320,7 +322,6 @@ def closed_loop(r, period, kind, gain, dead_time, lag, lag2, kp, ki, kd, tf, b, 
     a1, a2 = (np.exp(-part / lag), np.exp(-rest / lag)) if lag > 0.0 else (0.0, 0.0)
     b1, b2 = (np.exp(-part / lag2), np.exp(-rest / lag2)) if lag2 > 0.0 else (0.0, 0.0)
     s = z1 = z2 = integral = slope = before = 0.0
-    loaded = len(disturbance) == n
     for k in range(n):
         if kind == 0:
             y[k] = gain * (s - lag * z1)
@@ -328,8 +329,6 @@ def closed_loop(r, period, kind, gain, dead_time, lag, lag2, kp, ki, kd, tf, b, 
             y[k] = gain * (lag * z1 - lag2 * z2) / (lag - lag2)
         else:
             y[k] = gain * z1
-        if loaded:
-            y[k] += disturbance[k]
         e = r[k] - y[k]
         integral += ki * e * period
         now = c * r[k] - y[k]

@@ -26,7 +26,7 @@ FLOOR_INDIRECT = 0.02
 """The same for the indirect fit: a wrong order goes round the simulated loop too."""
 FLOOR_TIME = 0.04
 """One sigma of model mismatch in lag and in dead time, as a share of the dead time (or of T0, if larger share)."""
-STAMP = 0.29
+STAMP = 0.1
 """One sigma of dead time and lag in sample periods: when within a period OP really moved is not in the data
 (uniform over a period: 1/sqrt 12)."""
 Z95 = 1.96
@@ -187,7 +187,7 @@ def with_uncertainty(
     prior[:3] = 1e-2, 1.0 / (t0 + step) ** 2, 1.0 / (t0 + step) ** 2
     information = jacobian.T @ jacobian / (variance * len(t) / n_eff) + np.diag(prior)
     scatter = np.asarray(np.linalg.pinv(information)[:3, :3], dtype=np.float64)
-    time_floor = (FLOOR_TIME * max(dead_time, 0.3 * t0)) ** 2 + (STAMP * step) ** 2
+    time_floor = (FLOOR_TIME * max(dead_time, 0.1 * t0)) ** 2 + (STAMP * step) ** 2
     return Fit(
         process=process,
         gain=gain,

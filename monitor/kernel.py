@@ -354,7 +354,8 @@ def _listen(s, e, pv, op):
     away = abs(s.short - s.mean_s) > 5.0 * np.sqrt(s.var_s) + 0.5 * s.quantum
     if known and away:
         s.away += 1
-        s.based = 0
+        if s.away > RING:  # until then it may be a load step in its beginnings: the baseline is still wanted
+            s.based = 0
         if s.away > AWAY:
             s.warm = 0
         return
@@ -370,6 +371,8 @@ def _listen(s, e, pv, op):
         s.var_e += w * (d * d - s.var_e)
         s.abs_e += w * (abs(d) - s.abs_e)
     d = s.short - s.mean_s
+    if known:
+        d = min(max(d, -3.0 * np.sqrt(s.var_s)), 3.0 * np.sqrt(s.var_s)) if s.var_s > 0.0 else d
     s.mean_s += w * d
     s.var_s += w * (d * d - s.var_s)
     # second differences see noise and hardly any process: var = 6 sigma^2 for white noise
@@ -431,9 +434,9 @@ def _begin(s, ring, ring_time, slab, free, n_free, i, time):
     s.pv0 = s.mean_pv if based else s.pv
     s.op0 = s.mean_op if based else s.op
     s.sd_e, s.noise = np.sqrt(s.var_e), np.sqrt(s.var_d / 6.0)
-    s.quiet = 1.0 if s.based >= WARM_UP else 0.0
+    s.quiet = 1.0 if s.based >= WARM_UP and s.away == 0 else 0.0
     # what lies before the loop came to rest belongs to another event
-    m = min(s.ringed, RING, max(s.based, LEAST_BEFORE))
+    m = min(s.ringed, RING, max(s.based if s.away == 0 else 0, LEAST_BEFORE))
     w = slab[s.slot]
     for j in range(m):
         k = (s.ringed - m + j) % RING
@@ -463,9 +466,10 @@ def _begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time, pv):
     s.low = s.high = s.short
     s.sum_e = s.sum_t = 0.0
     w = slab[s.slot]
-    first = ((s.ringed - min(s.ringed, RING, s.based) + COARSE - 1) // COARSE) * COARSE  # of the fine points
+    reach = s.based + s.away
+    first = ((s.ringed - min(s.ringed, RING, reach) + COARSE - 1) // COARSE) * COARSE  # of the fine points
     n = 0
-    quiet = max((s.ringed - s.based + COARSE - 1) // COARSE, s.ringed // COARSE - RING + 1, 0)
+    quiet = max((s.ringed - reach + COARSE - 1) // COARSE, s.ringed // COARSE - RING + 1, 0)
     for k in range(quiet, first // COARSE):
         j = k & (RING - 1)
         w[n, 0] = (coarse_time[i, j] - time) * 1e-9

@@ -105,14 +105,58 @@ def advise(
     model = model_of(fit)
     structure = reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), period)
-    times = tc * np.geomspace(1.0, SLOWEST, 25)
+    region = held(_region(fit), period)
+
+    def tried(times: Array) -> _Tried:
+        return _try(loop, form, model, structure, region, noise, period, times)
+
     try:
-        candidates = [_candidate(loop, form, model, structure, float(time)) for time in times]
-        many = _stack(candidates)
-        noises = op_noise(many, noise, period)
+        coarse = tried(tc * np.geomspace(1.0, SLOWEST, 13))
+        if not coarse.fits.any():
+            return Withheld(coarse.failing())
+        k = int(np.argmax(coarse.fits))
+        found = coarse if k == 0 else tried(np.geomspace(coarse.times[k - 1], coarse.times[k], 9)[1:])
     except (ValueError, NotRepresentableError) as error:
         return Withheld(f"no settings of the rule {RULE[structure]} for this model: {error}")
-    worst = np.max(peak_sensitivity(held(_region(fit), period), many), axis=0)
+    k = int(np.argmax(found.fits)) if found.fits.any() else len(found.times) - 1
+    return _worthwhile(
+        loop, form, fit, found.candidates[k], structure, tc, float(found.times[k]), float(found.worst[k]),
+        float(found.noises[k]), ms, period,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Tried:
+    """Candidates for some closed-loop times, and which of them keep to all limits. Arrays are (T,)."""
+
+    times: Array
+    candidates: list[Settings]
+    worst: Array
+    """Ms of the worst model."""
+    noises: Array
+    """Noise on OP [OP]."""
+    limits: list[tuple[str, Any]]
+    """(what is wrong where the limit is not kept, where it is kept)."""
+
+    @property
+    def fits(self) -> Any:
+        """Where all limits are kept."""
+        return np.all([ok for _, ok in self.limits], axis=0)
+
+    def failing(self) -> str:
+        """Say which limits leave nothing over."""
+        never = [why for why, ok in self.limits if not ok.any()]
+        return "; ".join(never or [why for why, ok in self.limits if not ok.all()])
+
+
+def _try(
+    loop: Loop, form: str, model: Model, structure: str, region: Model, noise: float, period: float, times: Array
+) -> _Tried:  # fmt: skip
+    """Hold the rule's settings for these closed-loop times against every limit."""
+    candidates = [_candidate(loop, form, model, structure, float(time)) for time in times]
+    many = _stack(candidates)
+    noises = op_noise(many, noise, period)
+    worst = np.max(peak_sensitivity(region, many), axis=0)
     limits: list[tuple[str, Any]] = [
         (f"Ms stays above {loop.ms_max:g} for the worst model inside the intervals", worst <= loop.ms_max)
     ]
@@ -122,15 +166,7 @@ def advise(
     if loop.kp is not None:
         ratio = np.abs(np.asarray(many.kp)[0] / loop.kp)
         limits.append((f"the gain would change more than {FURTHEST:g} times at once", _within(ratio)))
-    fit_for_all = np.all([ok for _, ok in limits], axis=0)
-    if not fit_for_all.any():
-        failing = [why for why, ok in limits if not ok.any()] or [why for why, ok in limits if not ok.all()]
-        return Withheld("; ".join(failing))
-    k = int(np.argmax(fit_for_all))
-    return _worthwhile(
-        loop, form, fit, candidates[k], structure, tc, float(times[k]), float(worst[k]), float(noises[k]), ms,
-        period,
-    )  # fmt: skip
+    return _Tried(times, candidates, worst, noises, limits)
 
 
 def _averaging(
@@ -291,7 +327,8 @@ def _stages(model: Model, today: Settings, new: Settings, allowed: float) -> lis
         lambda x: (x, 1.0 if x == 1.0 else 0.0),  # gain first
     ]
     ways = [[_between(today, new, *order(x)) for x in shares] for order in orders]
-    peaks = [max(float(peak_sensitivity(model, s)) for s in way) for way in ways]
+    every = _stack([settings for way in ways for settings in way])
+    peaks = np.asarray(peak_sensitivity(model, every)).reshape(len(ways), n).max(axis=1)
     best = int(np.argmin(peaks))
     return ways[best] if peaks[best] <= allowed else [new]
 

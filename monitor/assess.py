@@ -23,6 +23,7 @@ from .identify import (
     Array,
     Fit,
     contradictory,
+    correlation_time,
     decide,
     fit_window,
     setpoint_integrals,
@@ -51,6 +52,8 @@ LEAST_FIT = 0.95
 a load step in the middle of the window 10 % and more, and with it the gain is wrong by a factor."""
 NOISY = 0.015
 """Residuals, as a share of PV's range, from which the direct fit's bias outweighs the mismatch of the indirect one."""
+MOST_REST_ERROR = 0.3
+"""Error in ln gain from which the integrals are no check: under noise they lose to the drift of OP's rest."""
 LEAST_FIT_IN_NOISE = 0.7
 """The same for a small step, where what is left over is no larger than the noise before it."""
 LIKE_NOISE = 1.3
@@ -106,7 +109,7 @@ def assess_event(loop: Loop, form: str, event: Any, window: Array) -> Finding:
     """
     load = event["kind"] == LOAD_STEP
     fit, decided = _identify(loop, form, event, window)
-    against = _against(loop, event, fit, decided)
+    against = _against(loop, event, window, fit, decided)
     iae = float(event["iae"])
     ci = None if fit is None or not decided else index(loop, event, fit)
     model = model_of(fit) if fit is not None and decided else None
@@ -228,7 +231,9 @@ def _by_integrals(event: Any, fit: Fit | None) -> tuple[float | None, float | No
     return (gain, t0) if math.isfinite(gain) else (None, None)
 
 
-def _against(loop: Loop, event: Any, fit: Fit | None, decided: bool) -> list[str]:  # noqa: C901 (one if for each reason)
+def _against(  # noqa: C901 (one if for each reason)
+    loop: Loop, event: Any, window: Array, fit: Fit | None, decided: bool
+) -> list[str]:
     """Say why the evidence cannot carry a verdict; empty where it can."""
     reasons = []
     covered = coverage(event)
@@ -272,7 +277,7 @@ def _against(loop: Loop, event: Any, fit: Fit | None, decided: bool) -> list[str
             "the process gain found and the controller gain kp have opposite signs: check the loop table"
         )
     gain, _ = _by_integrals(event, fit)
-    if gain is not None and abs(offset) <= 0.05 * size and _disagree(gain, fit):
+    if gain is not None and abs(offset) <= 0.05 * size and _disagree(gain, fit, _rest_error(event, window)):
         reasons.append(
             f"the fit's gain is {fit.gain:.3g}, that of the integrals {gain:.3g}: something else moved PV meanwhile"
         )
@@ -282,11 +287,21 @@ def _against(loop: Loop, event: Any, fit: Fit | None, decided: bool) -> list[str
     return reasons
 
 
-def _disagree(gain: float, fit: Fit) -> bool:
+def _rest_error(event: Any, window: Array) -> float:
+    """Return the standard deviation in ln gain of the integrals: the error of OP's noisy rest adds up."""
+    quiet = window[: max(int(event["before"]), 2), 3]
+    independent = len(quiet) / correlation_time(quiet - quiet.mean())
+    return abs(float(np.std(quiet)) / math.sqrt(independent) * float(event["wall"]) / float(event["s1"]))
+
+
+def _disagree(gain: float, fit: Fit, rest_error: float) -> bool:
     """Whether the integrals' gain contradicts the fit's: by sign, or by more than 4 sigma and `INTEGRALS_AGREE`."""
-    if gain * fit.gain <= 0:
+    if rest_error > MOST_REST_ERROR:
+        return False  # the integrals say nothing here
+    if gain * fit.gain < 0:
         return True
-    return abs(math.log(gain / fit.gain)) > max(4.0 * math.sqrt(fit.cov[0, 0]), INTEGRALS_AGREE)
+    sigma = math.hypot(math.sqrt(float(fit.cov[0, 0])), rest_error)
+    return abs(math.log(gain / fit.gain)) > max(4.0 * sigma, INTEGRALS_AGREE)
 
 
 def _ended(event: Any) -> str:

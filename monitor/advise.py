@@ -273,15 +273,15 @@ def _stack(settings: list[Settings]) -> Settings:
 def _region(fit: Fit) -> Model:
     """Return models on the surface of the fit's 95 % region, fields of shape (M, 1).
 
-    The region lies in (ln |gain|, lag, dead time) with the joint covariance: its centre, axes, corners, and the
-    axes of gain and dead time at the lag found. Where it reaches below a time of 0 it is cut: a point is drawn
+    The region lies in (ln |gain|, lag, dead time) with the joint covariance: its centre, axes, edges, corners, and
+    the axes of gain and dead time at the lag found. Where it reaches below a time of 0 it is cut: a point is drawn
     back towards the centre until both times are allowed. (Setting the lag alone to 0 would keep the long dead
     time that only goes with a negative lag.)
     """
     values, vectors = np.linalg.eigh(fit.cov)
     axes = vectors * np.sqrt(np.maximum(values, 0.0))
-    directions = [*np.eye(3), *-np.eye(3)]
-    directions += [np.array(signs) / math.sqrt(3.0) for signs in product((-1.0, 1.0), repeat=3)]
+    signs = [np.array(s) for s in product((-1.0, 0.0, 1.0), repeat=3) if any(s)]
+    directions = [s / np.linalg.norm(s) for s in signs]  # axes, edges and corners: 26 ways
     beside_lag = fit.cov - np.outer(fit.cov[1], fit.cov[1]) / fit.cov[1, 1]
     at_lag = [sign * math.sqrt(max(beside_lag[k, k], 0.0)) * np.eye(3)[k] for k in (0, 2) for sign in (-1, 1)]
     offsets = REGION * np.array([np.zeros(3), *(d @ axes.T for d in directions), *at_lag])

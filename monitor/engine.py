@@ -214,9 +214,10 @@ class Engine:
         if contradictory(fits, joint):
             return inconclusive(row, "the events contradict each other: their gains differ beyond chance")
         form, model, period = canonical_form(loop), model_of(joint), usable[-1].period
-        row.ms = current_sensitivity(loop, form, model, period)
+        alone = len(usable) == 1 and not case.retuned  # the event's own figure is the loop's
+        row.ms = usable[0].record.ms if alone else current_sensitivity(loop, form, model, period)
         row.verdict, row.reason = judge(loop, form, model, (row.ci_setpoint, row.ci_load), row.ms, 0.0)
-        if len(usable) == 1 and not case.retuned and row.verdict == usable[0].record.verdict:
+        if alone and row.verdict == usable[0].record.verdict:
             row.reason = usable[0].record.reason  # it knows the overshoot and how the event ended
         if case.retuned:
             row.reason = "; ".join(filter(None, [_since_retune(case, row), row.reason]))

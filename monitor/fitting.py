@@ -142,7 +142,7 @@ def search(t, u, y, kind):
     best = np.array([np.inf, 0.0, step, 0.0, 0.0])
     onsets = 10 if kind >= 2 else 1
     m = 12 if kind < 2 else 8
-    thin = max(len(t) // 200, 1)  # the grid only has to find the valley
+    thin = max(len(t) // (200 if kind < 2 else 100), 1)  # the grid only has to find the valley
     tt, uu = _thinned(t, u, thin)
     yy = project(y[::thin].copy()[: len(tt)], tt, kind)
     longest = 0.5 * span if kind in {0, 2} else span

@@ -164,6 +164,8 @@ def _op_moved(fit: Fit, event: Any, window: Array) -> bool:
     quiet = window[: max(int(event["before"]) // 2, 2), 3]
     # a process without any dynamics is the controller seen backwards: noise and slow drift look like that
     dynamic = fit.t0 > 0.5 * float(event["period"])
+    # an onset at the window's edge lies before it: such a fit knows nothing of the dead time
+    dynamic = dynamic and fit.onset is not None and fit.onset > window[0, 0] + float(event["period"])
     return fit.size is not None and abs(fit.size) > 0.5 * float(np.std(quiet)) and dynamic
 
 
@@ -403,7 +405,10 @@ def judge(
         return INCONCLUSIVE, f"no index for what the loop is there for: its objective is {loop.objective}"
     if not wanted:
         return INCONCLUSIVE, "no index: the event ended before the loop had come to rest"
-    return GOOD, ""
+    return (
+        GOOD,
+        "" if ms is not None else "speed only: its settings are not known, so its robustness is not judged",
+    )
 
 
 def _judge_averaging(loop: Loop, form: str, model: Model, ms: float | None) -> tuple[str, str]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernel
-from .kernel import CLOSED, OUT, PARAM, RING, STATE, TOO_LARGE, WINDOW
+from .kernel import BY_END, CLOSED, OUT, PARAM, RING, STATE, TOO_LARGE, WINDOW
 from .loops import Loop
 from .samples import Samples
 
@@ -79,11 +79,11 @@ class Detector:
             found += self._drain(n)
         return found
 
-    def flush(self, loops: Any = None) -> list[tuple[Any, NDArray[np.float64]]]:
-        """Close the open events of these rows (default: all) as interrupted by the end of the data."""
+    def flush(self, loops: Any = None, cause: int = BY_END) -> list[tuple[Any, NDArray[np.float64]]]:
+        """Close the open events of these rows (default: all) as interrupted, by default by the end of the data."""
         found: list[tuple[Any, NDArray[np.float64]]] = []
         for row in np.flatnonzero(self.state["slot"] >= 0) if loops is None else loops:
-            found += self._drain(kernel.flush(self.state, self.free, self.n_free, self.out, row))
+            found += self._drain(kernel.flush(self.state, self.free, self.n_free, self.out, row, cause))
         return found
 
     def _make_room(self) -> None:

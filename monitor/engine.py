@@ -19,7 +19,7 @@ from .advise import Advice, Withheld, advise
 from .assess import Finding, assess_event, current_sensitivity, judge, model_fields
 from .detect import Detector
 from .identify import Array, Fit, combine, contradictory, model_response
-from .kernel import CLOSED, COUNTS, LOAD_STEP, STATES
+from .kernel import BY_SETTINGS, CLOSED, COUNTS, LOAD_STEP, STATES
 from .loops import FORMS, Loop, LoopTable
 from .records import (
     GOOD,
@@ -98,18 +98,24 @@ class Engine:
         if known < len(self.loops):
             self.detector.add(self.loops.loops[known:])
 
-    def retuned(self, row: int, loop: Loop) -> None:
+    def retuned(self, row: int, loop: Loop) -> list[Record]:
         """Take over a loop's new settings: they close the suggestion, and start the comparison of before and after.
 
-        The process that past events showed stays known; their indices no longer speak for the loop.
+        An open event is closed first, and judged by the settings under which it ran. The process that past
+        events showed stays known; their indices no longer speak for the loop.
         """
+        records = self._take(self.detector.flush([row], BY_SETTINGS))
+        own = [(e, w) for e, w in self._pending if e["loop"] == row]
+        self._pending = [(e, w) for e, w in self._pending if e["loop"] != row]
+        records += [record for event, window in own for record in self._assess(event, window)]
         self.loops.replace(row, loop)
         case = self._cases.get(row)
         if case is None or case.row is None:
-            return
+            return records
         case.before, case.advice = case.row, None
         case.retuned = int(self.detector.state["time"][row]) + 1
         case.row = self._judge(self.loops[row], case)
+        return records
 
     # -- samples in, records out ------------------------------------------------------------------
 

@@ -48,7 +48,8 @@ def response(t, u, kind, dead_time, lag, lag2):
         at = t[i] - dead_time
         if at <= t[0]:
             continue
-        while j + 1 < n and t[j + 1] <= at:
+        # PV is measured before OP moves: at the instant of a move the old OP still counts
+        while j + 1 < n and t[j + 1] < at:
             j += 1
         h = at - t[j]
         if abs(h - last) > 1e-9 * (abs(h) + dead_time):

@@ -62,8 +62,15 @@ OPENED, CLOSED = 1, 2
 SETPOINT_STEP, LOAD_STEP = 0, 1
 SETTLED, INTERRUPTED, TIMED_OUT = "settled", "interrupted", "timeout"
 STATES = ("", SETTLED, INTERRUPTED, TIMED_OUT)
-CAUSES = ("", "the set point moved again", "a gap in the data", "a change to manual", "the end of the data")
-BY_STEP, BY_GAP, BY_MODE, BY_END = range(1, 5)
+CAUSES = (
+    "",
+    "the set point moved again",
+    "a gap in the data",
+    "a change to manual",
+    "the end of the data",
+    "a change of settings",
+)
+BY_STEP, BY_GAP, BY_MODE, BY_END, BY_SETTINGS = range(1, 6)
 
 COUNTS = ("ok", "uncertain", "bad_value", "bad_quality", "duplicate", "conflict", "late")
 """What became of a sample; `ok` includes `uncertain`, `duplicate` includes `conflict`."""
@@ -632,13 +639,13 @@ def _close(s, out, n, i):
 
 
 @jit
-def flush(state, free, n_free, out, i):
-    """Close a loop's open event, because the data end; return the number of events in ``out``."""
+def flush(state, free, n_free, out, i, cause):
+    """Close a loop's open event for a cause from outside; return the number of events in ``out``."""
     s = state[i]
     if s.phase == CANDIDATE:
         _drop(s, free, n_free)
         _settle_down(s)
     if s.phase != EVENT:
         return 0
-    _end(s, 2, BY_END, s.time)
+    _end(s, 2, cause, s.time)
     return _close(s, out, 0, i)

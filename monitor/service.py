@@ -132,6 +132,7 @@ class Service:
         self._heard = heard
         self._clock, self._monotonic = clock, monotonic
         self._started = monotonic()
+        self._closed_by_settings: list[Record] = []
         self._unkept: deque[_Said] = deque()
         self._retry = 0.0
         self._flagged: set[int] = set()
@@ -150,7 +151,8 @@ class Service:
         now = self._monotonic()
         samples = self._samples(messages, now)
         records = [record for batch in samples for record in self._detect(batch)]
-        records += self._assess(ASSESS_TIME)
+        records = [*self._closed_by_settings, *records, *self._assess(ASSESS_TIME)]
+        self._closed_by_settings = []
         self._publish(records)
         self._tell(records)
         self._show(samples, now)
@@ -170,7 +172,7 @@ class Service:
             if len(self.loops) > len(self.order.state):
                 self.order.grow(max(2 * len(self.loops), 64))
             for row, loop in self.decoder.settings:
-                self.engine.retuned(row, loop)
+                self._closed_by_settings += self.engine.retuned(row, loop)
                 self._flagged.discard(row)
                 self._old_rows.pop(loop.key, None)
             for cause, key, why in self.decoder.refused:

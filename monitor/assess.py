@@ -111,8 +111,10 @@ def assess_event(loop: Loop, form: str, event: Any, window: Array) -> Finding:
     fit, decided = _identify(loop, form, event, window)
     against = _against(loop, event, window, fit, decided)
     iae = float(event["iae"])
-    ci = None if fit is None or not decided else index(loop, event, fit)
-    model = model_of(fit) if fit is not None and decided else None
+    # figures of a model that does not explain the event would only mislead
+    trusted = fit if fit is not None and decided and _explained(fit, event) else None
+    ci = None if trusted is None else index(loop, event, trusted)
+    model = None if trusted is None else model_of(trusted)
     ms = current_sensitivity(loop, form, model, float(event["period"]))
     if against:
         verdict, reason = INCONCLUSIVE, "; ".join(against)

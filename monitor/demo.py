@@ -109,7 +109,7 @@ def _start_view(console: Console, demo: Demo, endpoint: str) -> Any:
 
     view = start_view(endpoint, demo.view, demo.save)
     if view.url:
-        console.print(f"[bold]view[/]   open {view.url}")
+        console.print(f"[bold]view[/]   open {view.url}", soft_wrap=True)
     return view
 
 
@@ -131,7 +131,7 @@ def _watch(
             raise ChildProcessError(f"the simulated plant ended with exit code {plant.returncode}")
         if passed - said >= PROGRESS_EVERY:
             said = passed
-            console.print(_progress(service, passed, seconds))
+            console.print(_progress(service, passed, seconds), soft_wrap=True)
         if seconds is not None and passed >= seconds:
             return
 

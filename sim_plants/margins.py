@@ -90,10 +90,8 @@ def settling_time(plant: Plant, controller: Controller, period: float) -> float:
     the ringing (a pole of damping 1 / (2 Ms) at its frequency).
     """
     gain, reset, lag = _gain(plant, controller), 1 / controller.ti, plant.half_rule()[1]
-    if plant.integrating:
-        poles = np.roots([lag, 1.0, gain, gain * reset])
-    else:
-        poles = np.roots([lag, 1.0 + gain, gain * reset])
+    first = [lag, 1.0, gain, gain * reset] if plant.integrating else [lag, 1.0 + gain, gain * reset]
+    poles = np.roots(first)
     speeds = np.abs(poles.real)
     slowest = speeds[speeds > 1e-9 / plant.t0].min() if plant.t0 > 0 else speeds.min()
     peak = margin(plant, controller, period)

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernel
-from .kernel import BY_END, CLOSED, OUT, PARAM, RING, STATE, TOO_LARGE, WINDOW
 from .loops import Loop
 from .samples import Samples
+from .state import BY_END, CLOSED, OUT, PARAM, RING, STATE, TOO_LARGE, WINDOW
 
 
 class Detector:

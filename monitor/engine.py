@@ -16,10 +16,10 @@ import numpy as np
 from tuners.blocks import BLOCKS
 
 from .advise import Advice, Withheld, advise
-from .assess import Finding, assess_event, current_sensitivity, judge, model_fields
+from .assess import Finding, assess_event, model_fields
 from .detect import Detector
 from .identify import Array, Fit, combine, contradictory, model_response
-from .kernel import BY_SETTINGS, CLOSED, COUNTS, LOAD_STEP, STATES
+from .judge import current_sensitivity, judge
 from .loops import FORMS, Loop, LoopTable
 from .records import (
     GOOD,
@@ -36,6 +36,7 @@ from .records import (
 from .reference import LOAD, SETPOINT, model_of
 from .rows import health, inconclusive, nothing_seen, with_settings, withhold, worst_first
 from .samples import Samples
+from .state import BY_SETTINGS, CLOSED, COUNTS, LOAD_STEP, STATES
 
 KEPT = 20
 """Findings kept for each loop: the newest ones make its verdict, and memory does not grow with history."""

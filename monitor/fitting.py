@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .kernel import jit
+from .state import jit
 
 FILL, REFLECT, EXPAND, CONTRACT = range(4)
 """Phases of the simplex search."""

@@ -6,123 +6,44 @@ samples); nothing in it depends on how the samples were batched. Types are infer
 
 from __future__ import annotations
 
-from typing import Any
-
-import numba
 import numpy as np
 
 from .samples import GOOD, UNCERTAIN
-
-jit: Any = numba.njit(cache=True, error_model="numpy")
-"""Compiled, cached on disk; 0/0 is NaN as in NumPy."""
-
-WARM_UP = 20
-"""Quiet samples before a baseline is trusted: the mean of 20 has 0.22 of one sample's noise."""
-RING = 128
-"""Samples kept from before an event: baseline for the fit, and the picture's left margin."""
-COARSE = 8
-"""Samples in a point of the coarse ring, which reaches this many times further back: a load step on a sluggish
-loop is noticed long after it came."""
-SNAPSHOT = 64
-"""Samples between two looks at the noise. A load step is suspected against the noise of one to two looks ago, which
-a slow response has not yet widened."""
-LEAST_BEFORE = 8
-"""Samples of the window from before the onset, even where the loop was not at rest."""
-WINDOW = 1024
-"""Points of an event's window; when full, every second one is dropped."""
-MAX_GAP = 3.5
-"""Sample periods; above it nothing is integrated across (three periods and jitter)."""
-STEP_MOVES = 5
-"""A set point that moves for more samples than these is a ramp or a cascade's, not a step smeared by a historian."""
-STEP_REST = 3
-"""Periods for which a set point must rest before its move counts as finished."""
-RAMP_REST = 20
-"""Periods for which a moving set point must rest before the loop is looked at again."""
-TRIGGER = 5.0
-"""Standard deviations of the short average, when quiet, by which it must leave its mean to suspect a load step."""
-KNOWN = 60
-"""Quiet samples before a load step may be suspected; with few, the band is wider (their spread is not well known)."""
-AWAY = 500
-"""Samples outside its band after which a loop's baseline begins anew."""
-TIMEOUT = 10_000
-"""Periods after which an event is given up."""
-SHORT = 0.2
-"""Weight of the short average of the error, per period (about five samples)."""
-LONG = 0.002
-"""Weight of its long-run mean and variance (about 500 samples)."""
-BASE = 0.005
-"""Weight of the baseline's PV and OP (about 200 samples)."""
-TOO_LARGE = 1e30
-"""A magnitude that no plant has: a gateway's placeholder."""
-
-WARMING, QUIET, CANDIDATE, EVENT, MOVING = range(5)
-DROP, CONFIRM, DONE, CUT, BEGIN, BEGIN_LOAD = 1, 2, 4, 8, 16, 32
-"""What to do with a loop's window: forget it, report it open, hand it out (with or without this sample), open one."""
-OPENED, CLOSED = 1, 2
-SETPOINT_STEP, LOAD_STEP = 0, 1
-SETTLED, INTERRUPTED, TIMED_OUT = "settled", "interrupted", "timeout"
-STATES = ("", SETTLED, INTERRUPTED, TIMED_OUT)
-CAUSES = (
-    "",
-    "the set point moved again",
-    "a gap in the data",
-    "a change to manual",
-    "the end of the data",
-    "a change of settings",
+from .state import (
+    AWAY,
+    BASE,
+    BEGIN,
+    BEGIN_LOAD,
+    BY_GAP,
+    BY_MODE,
+    BY_STEP,
+    CANDIDATE,
+    COARSE,
+    CONFIRM,
+    CUT,
+    DONE,
+    DROP,
+    EVENT,
+    KNOWN,
+    LOAD_STEP,
+    LONG,
+    MAX_GAP,
+    MOVING,
+    QUIET,
+    RAMP_REST,
+    RING,
+    SHORT,
+    SNAPSHOT,
+    STEP_MOVES,
+    STEP_REST,
+    TIMEOUT,
+    TOO_LARGE,
+    TRIGGER,
+    WARM_UP,
+    WARMING,
+    jit,
 )
-BY_STEP, BY_GAP, BY_MODE, BY_END, BY_SETTINGS = range(1, 6)
-
-COUNTS = ("ok", "uncertain", "bad_value", "bad_quality", "duplicate", "conflict", "late")
-"""What became of a sample; `ok` includes `uncertain`, `duplicate` includes `conflict`."""
-
-_f, _i = np.float64, np.int64
-_INTEGRALS = [(name, _f) for name in ("s1", "s2", "s3", "y1", "y2", "iae", "iae_noise", "good", "saturated")]
-_BASELINE = [(name, _f) for name in ("pv0", "op0", "sd_e", "noise")]
-
-PARAM = np.dtype([("period", _f), ("pv_min", _f), ("pv_max", _f), ("op_low", _f), ("op_high", _f)])
-
-_NOISE = ("mean_e", "var_e", "abs_e", "mean_s", "var_s")
-"""The error's mean, variance and mean size when quiet, and mean and variance of its short average [PV]."""
-_FACTS = "phase time seen warm based away ringed looks slot auto kind moved moves events".split()
-_EVENT = "onset still end end_state end_cause points before stride skipped".split()
-_SHAPE = "amplitude held low high sum_e sum_t quiet sp_from".split()
-_LAST = "sp pv op dpv period short mean_pv mean_op var_d quantum".split()
-_LIFE = "wall_time good_time manual_time limit_time travel".split()
-
-STATE = np.dtype(
-    [
-        *[(n, _i) for n in (*_FACTS, *_EVENT, *COUNTS)],
-        *[(n, _f) for n in (*_LAST, *_SHAPE, *_LIFE, *_NOISE)],
-        # the noise at the last look, and at the one before
-        *[(f"{n}_{k}", _f) for k in (1, 2) for n in _NOISE],
-        *_INTEGRALS,
-        *_BASELINE,
-    ]
-)
-
-OUT = np.dtype(
-    [
-        *[
-            (n, _i)
-            for n in (
-                "what",
-                "loop",
-                "kind",
-                "state",
-                "cause",
-                "slot",
-                "points",
-                "before",
-                "onset",
-                "end",
-                "number",
-            )
-        ],
-        *[(n, _f) for n in ("amplitude", "wall", "quiet", "offset", "period", "sp_from", "quantum")],
-        *_INTEGRALS,
-        *_BASELINE,
-    ]
-)
+from .windows import add, append, begin, begin_load, close, confirm, drop
 
 
 @jit
@@ -162,13 +83,13 @@ def run(
             continue
         act = _step(s, param[i], time[k], sp[k], pv[k], op[k], auto[k])
         if s.slot >= 0 and not act & (CUT | DROP):
-            _append(s, slab, time[k], sp[k], pv[k], op[k])
+            append(s, slab, time[k], sp[k], pv[k], op[k])
         if act:
             n = _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time[k], sp[k])
             if act & BEGIN_LOAD:
-                _begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time[k], pv[k])
+                begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time[k], pv[k])
             if act & (BEGIN | BEGIN_LOAD):
-                _append(s, slab, time[k], sp[k], pv[k], op[k])
+                append(s, slab, time[k], sp[k], pv[k], op[k])
         _keep(s, time[k], sp[k], pv[k], op[k], auto[k])
         j = s.ringed & (RING - 1)
         ring_time[i, j] = time[k]
@@ -327,13 +248,14 @@ def _follow(s, time, dt, sp, pv, moved):  # noqa: C901, PLR0911 (a return for ea
 def _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time, sp):
     """Do with the window what `_step` asked for; return the number of events in ``out``."""
     if act & DROP:
-        _drop(s, free, n_free)
+        drop(s, free, n_free)
     if act & CONFIRM:
-        n = _confirm(s, out, n, i, time, sp)
+        n = confirm(s, out, n, i, time, sp)
     if act & (CUT | DONE):
-        n = _close(s, out, n, i)
+        _settle_down(s)
+        n = close(s, out, n, i)
     if act & (BEGIN | BEGIN_LOAD):
-        _begin(s, ring, ring_time, slab, free, n_free, i, time)
+        begin(s, ring, ring_time, slab, free, n_free, i, time)
     return n
 
 
@@ -427,164 +349,12 @@ def _settle_down(s):
 
 
 @jit
-def _begin(s, ring, ring_time, slab, free, n_free, i, time):
-    """Open a window for a set point that has begun to move; the integrals start here."""
-    s.phase = CANDIDATE
-    s.kind = SETPOINT_STEP
-    s.moves = 1
-    s.moved = s.onset = time
-    s.sp_from = s.sp
-    n_free[0] -= 1
-    s.slot = free[n_free[0]]
-    s.s1 = s.s2 = s.s3 = s.y1 = s.y2 = s.iae = s.iae_noise = s.good = s.saturated = 0.0
-    based = s.based >= WARM_UP // 2
-    s.pv0 = s.mean_pv if based else s.pv
-    s.op0 = s.mean_op if based else s.op
-    s.sd_e, s.noise = np.sqrt(s.var_e), np.sqrt(s.var_d / 6.0)
-    s.quiet = 1.0 if s.based >= WARM_UP and s.away == 0 else 0.0
-    # what lies before the loop came to rest belongs to another event
-    m = min(s.ringed, RING, max(s.based if s.away == 0 else 0, LEAST_BEFORE))
-    w = slab[s.slot]
-    for j in range(m):
-        k = (s.ringed - m + j) % RING
-        w[j, 0] = (ring_time[i, k] - time) * 1e-9
-        w[j, 1], w[j, 2], w[j, 3] = ring[i, k, 0], ring[i, k, 1], ring[i, k, 2]
-    s.points = s.before = m
-    s.stride = 1
-    s.skipped = 0
-
-
-@jit
-def _begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time, pv):
-    """Turn the window just opened into a suspected load step's; it and the integrals reach back to quiet times.
-
-    The step came before it was noticed: the onset is found when the event is assessed. Nothing is reported
-    until then.
-    """
-    s.phase = EVENT
-    s.kind = LOAD_STEP
-    s.events += 1
-    s.held = s.sp
-    # the noise of before the response
-    s.mean_e, s.var_e, s.abs_e, s.mean_s, s.var_s = s.mean_e_2, s.var_e_2, s.abs_e_2, s.mean_s_2, s.var_s_2
-    s.sd_e = np.sqrt(s.var_e)
-    s.amplitude = abs(s.short - s.mean_s)
-    s.still = time
-    s.low = s.high = s.short
-    s.sum_e = s.sum_t = 0.0
-    w = slab[s.slot]
-    reach = s.based + s.away
-    first = ((s.ringed - min(s.ringed, RING, reach) + COARSE - 1) // COARSE) * COARSE  # of the fine points
-    n = 0
-    quiet = max((s.ringed - reach + COARSE - 1) // COARSE, s.ringed // COARSE - RING + 1, 0)
-    for k in range(quiet, first // COARSE):
-        j = k & (RING - 1)
-        w[n, 0] = (coarse_time[i, j] - time) * 1e-9
-        w[n, 1], w[n, 2], w[n, 3] = coarse[i, j, 0], coarse[i, j, 1], coarse[i, j, 2]
-        n += 1
-    for k in range(first, s.ringed):
-        j = k & (RING - 1)
-        w[n, 0] = (ring_time[i, j] - time) * 1e-9
-        w[n, 1], w[n, 2], w[n, 3] = ring[i, j, 0], ring[i, j, 1], ring[i, j, 2]
-        n += 1
-    s.points = s.before = n
-    s.pv0 = s.op0 = 0.0
-    for k in range(n // 2):
-        s.pv0 += w[k, 2] / (n // 2)
-        s.op0 += w[k, 3] / (n // 2)
-    for k in range(n - 1):
-        _add(s, w[k, 1], w[k, 2], w[k + 1, 2], w[k, 3], w[k + 1, 0] - w[k, 0])
-    _add(s, s.sp, s.pv, pv, s.op, (time - s.time) * 1e-9)
-
-
-@jit
-def _confirm(s, out, n, i, time, sp):
-    """Report that an event has opened: the set point rests at a new level."""
-    s.phase = EVENT
-    s.events += 1
-    s.held = sp
-    s.still = time
-    s.low = s.high = s.short
-    s.sum_e = s.sum_t = 0.0
-    o = out[n]
-    o.kind = SETPOINT_STEP
-    o.what, o.loop, o.state, o.cause, o.slot, o.points = OPENED, i, 0, 0, -1, 0
-    o.onset, o.end, o.number, o.amplitude, o.period = s.onset, s.onset, s.events, s.amplitude, s.period
-    return n + 1
-
-
-@jit
-def _drop(s, free, n_free):
-    free[n_free[0]] = s.slot
-    n_free[0] += 1
-    s.slot = -1
-
-
-@jit
 def _integrate(s, p, dt, pv):
     """Account for one sample of an open event."""
-    _add(s, s.sp, s.pv, pv, s.op, dt)
+    add(s, s.sp, s.pv, pv, s.op, dt)
     s.good += dt if s.period == 0 else min(dt, 1.5 * s.period)
     if s.op <= p.op_low or s.op >= p.op_high:
         s.saturated += dt
-
-
-@jit
-def _add(s, sp, pv_old, pv_new, op, dt):
-    """Carry the running integrals over one sample (set-point and load forms share them).
-
-    OP is held: left rectangles; PV and the integrals of integrals: trapezoids. SP is held as well, so the
-    error's trapezoid ends with the old set point.
-    """
-    u = op - s.op0
-    y_old, y_new = pv_old - s.pv0, pv_new - s.pv0
-    s1 = s.s1 + u * dt
-    s2 = s.s2 + 0.5 * (s.s1 + s1) * dt
-    s.s3 += 0.5 * (s.s2 + s2) * dt
-    s.s1, s.s2 = s1, s2
-    y1 = s.y1 + 0.5 * (y_old + y_new) * dt
-    s.y2 += 0.5 * (s.y1 + y1) * dt
-    s.y1 = y1
-    area = 0.5 * (abs(sp - pv_old) + abs(sp - pv_new)) * dt
-    s.iae += area
-    if abs(s.short - s.mean_e) < 2.0 * s.sd_e:
-        s.iae_noise += min(area, s.abs_e * dt)  # nothing but noise is left here
-
-
-@jit
-def _append(s, slab, time, sp, pv, op):
-    """Put the sample into the window; OP of a skipped sample goes, by time, into the last point's mean."""
-    w = slab[s.slot]
-    t = (time - s.onset) * 1e-9
-    last = s.points - 1
-    if s.skipped > 0:
-        # w[last, 3] holds the mean OP from the last point to s.time; s.op was held since
-        before = (s.time - s.onset) * 1e-9 - w[last, 0]
-        whole = t - w[last, 0]
-        w[last, 3] = (w[last, 3] * before + s.op * (whole - before)) / whole
-    s.skipped += 1
-    if s.skipped < s.stride:
-        return
-    s.skipped = 0
-    if s.points == WINDOW:
-        _halve(s, w, t)
-    k = s.points
-    w[k, 0], w[k, 1], w[k, 2], w[k, 3] = t, sp, pv, op
-    s.points += 1
-
-
-@jit
-def _halve(s, w, t_next):
-    """Drop every second point; OP becomes the mean over both, so that its integral stays exact."""
-    for k in range(WINDOW // 2):
-        a, b = 2 * k, 2 * k + 1
-        end = w[b + 1, 0] if b + 1 < WINDOW else t_next
-        first, second = w[b, 0] - w[a, 0], end - w[b, 0]
-        mean = (w[a, 3] * first + w[b, 3] * second) / (first + second)
-        w[k, 0], w[k, 1], w[k, 2], w[k, 3] = w[a, 0], w[a, 1], w[a, 2], mean
-    s.points = WINDOW // 2
-    s.before = (s.before + 1) // 2
-    s.stride *= 2
 
 
 @jit
@@ -621,31 +391,14 @@ def _lies_still(s, time, dt, e):
 
 
 @jit
-def _close(s, out, n, i):
-    """Hand the event out; its slot is freed by whoever copies the window."""
-    _settle_down(s)
-    o = out[n]
-    o.kind = s.kind
-    o.what, o.loop, o.state, o.cause, o.slot = CLOSED, i, s.end_state, s.end_cause, s.slot
-    o.points, o.before, o.onset, o.end, o.number = s.points, s.before, s.onset, s.end, s.events
-    o.amplitude, o.quiet, o.period, o.sp_from = s.amplitude, s.quiet, s.period, s.sp_from
-    o.wall = (s.end - s.onset) * 1e-9
-    o.offset = s.sum_e / s.sum_t if s.sum_t > 0 else s.short
-    o.s1, o.s2, o.s3, o.y1, o.y2 = s.s1, s.s2, s.s3, s.y1, s.y2
-    o.iae, o.iae_noise, o.good, o.saturated = s.iae, s.iae_noise, s.good, s.saturated
-    o.pv0, o.op0, o.sd_e, o.noise, o.quantum = s.pv0, s.op0, s.sd_e, s.noise, s.quantum
-    s.slot = -1
-    return n + 1
-
-
-@jit
 def flush(state, free, n_free, out, i, cause):
     """Close a loop's open event for a cause from outside; return the number of events in ``out``."""
     s = state[i]
     if s.phase == CANDIDATE:
-        _drop(s, free, n_free)
+        drop(s, free, n_free)
         _settle_down(s)
     if s.phase != EVENT:
         return 0
     _end(s, 2, cause, s.time)
-    return _close(s, out, 0, i)
+    _settle_down(s)
+    return close(s, out, 0, i)

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernel import jit
 from .samples import UNCERTAIN, Samples
+from .state import jit
 from .wire import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_SP, UNKNOWN
 
 HELD = 64

@@ -30,7 +30,10 @@ ARROW = {
 CONTRACT = {"samples", "records", "loops", "wire", "frames"}
 CORE = {
     *(
+        "state",
+        "windows",
         "kernel",
+        "judge",
         "detect",
         "fitting",
         "closedloop",

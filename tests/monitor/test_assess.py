@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from twin import Seen, pi_loop, run, times
 
-from monitor.assess import judge, trap
 from monitor.engine import Engine
+from monitor.judge import judge, trap
 from monitor.loops import Loop
 from monitor.records import GOOD, INCONCLUSIVE, RETUNE, Assessment
 from monitor.samples import Samples

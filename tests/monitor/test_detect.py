@@ -16,7 +16,9 @@ from twin import SECOND, START, integrals, pi_loop, samples_of, times
 
 from monitor.detect import Detector
 from monitor.identify import fit_window, load_integrals, setpoint_integrals
-from monitor.kernel import (
+from monitor.loops import Loop
+from monitor.samples import Samples, join
+from monitor.state import (
     BY_END,
     BY_GAP,
     BY_MODE,
@@ -28,8 +30,6 @@ from monitor.kernel import (
     STATES,
     WINDOW,
 )
-from monitor.loops import Loop
-from monitor.samples import Samples, join
 from sim_plants.fleet import random_fleet
 from sim_plants.loops import Simulation
 from sim_plants.scenarios import reference_loops

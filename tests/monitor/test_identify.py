@@ -25,8 +25,8 @@ from monitor.identify import (
     model_response,
     setpoint_integrals,
 )
-from monitor.kernel import CLOSED
 from monitor.loops import Loop
+from monitor.state import CLOSED
 from sim_plants.controllers import Controller
 from sim_plants.loops import Simulation
 from sim_plants.plants import Plant

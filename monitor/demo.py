@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -179,17 +180,17 @@ def _verdict(record: Assessment) -> str:
 
 def _summary(rows: list[LoopRow]) -> Table:
     """Return the loops, worst first, as a plant engineer would list them."""
-    table = Table(title="Loops, worst first", title_justify="left")
+    table = Table(title="Loops, worst first", title_justify="left", box=SIMPLE_HEAD)
     table.add_column("loop", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
-    for name in ("CI_sp", "Ms", "gain", "T0 [s]"):
+    for name in ("CI_sp", "Ms", "T0 [s]"):
         table.add_column(escape(name), justify="right", no_wrap=True)
     table.add_column("what to do", ratio=1)
     for row in rows:
         table.add_row(
             escape(row.loop),
             f"[{COLOURS[row.verdict]}]{row.verdict}[/]",
-            *(_figure(value) for value in (row.ci_setpoint, row.ms, row.gain, row.t0)),
+            *(_figure(value) for value in (row.ci_setpoint, row.ms, row.t0)),
             escape(row.action if row.verdict == RETUNE else row.reason),
         )
     return table

@@ -27,8 +27,11 @@ FLOOR_INDIRECT = 0.02
 FLOOR_TIME = 0.04
 """One sigma of model mismatch in lag and in dead time, as a share of the dead time (or of T0, if larger share)."""
 STAMP = 0.1
-"""One sigma of dead time and lag in sample periods: when within a period OP really moved is not in the data
-(uniform over a period: 1/sqrt 12)."""
+"""One sigma of dead time and lag in sample periods, where the dead time is resolved."""
+UNRESOLVED = 1.0
+"""The same for a dead time of nothing: which of two scans a historian's stamp belongs to is not in the data."""
+RESOLVED = 3.0
+"""Sample periods from which a dead time counts as resolved; in between, the floor falls linearly."""
 Z95 = 1.96
 DECIDES = 6.0
 """Difference of log-likelihoods (in effective samples) from which one kind of process is believed: 1 to 400."""
@@ -187,7 +190,8 @@ def with_uncertainty(
     prior[:3] = 1e-2, 1.0 / (t0 + step) ** 2, 1.0 / (t0 + step) ** 2
     information = jacobian.T @ jacobian / (variance * len(t) / n_eff) + np.diag(prior)
     scatter = np.asarray(np.linalg.pinv(information)[:3, :3], dtype=np.float64)
-    time_floor = (FLOOR_TIME * max(dead_time, 0.1 * t0)) ** 2 + (STAMP * step) ** 2
+    stamp = STAMP + (UNRESOLVED - STAMP) * max(1.0 - dead_time / (RESOLVED * step), 0.0)
+    time_floor = (FLOOR_TIME * max(dead_time, 0.1 * t0)) ** 2 + (stamp * step) ** 2
     return Fit(
         process=process,
         gain=gain,

@@ -202,9 +202,10 @@ def _identify(loop: Loop, form: str, event: Any, window: Array) -> tuple[Fit | N
     """
     kinds = [INTEGRATING, SELF_REGULATING] if loop.process == "auto" else [loop.process]
     before, span, load = int(event["before"]), float(window[-1, 0]), event["kind"] == LOAD_STEP
-    direct = [f for f in (fit_window(window, before, kind, load) for kind in kinds) if f is not None]
+    period = float(event["period"])
+    direct = [f for f in (fit_window(window, before, kind, load, period) for kind in kinds) if f is not None]
     best, decided = decide(direct, span)
-    settings, period = settings_of(loop, form), float(event["period"])
+    settings = settings_of(loop, form)
     noisy = best is not None and best.sigma >= NOISY * float(np.ptp(window[:, 2]))
     if best is None or load or settings is None or not noisy:
         return best, decided

@@ -105,7 +105,7 @@ def indirect_fit(window: Array, before: int, period: float, settings: Settings, 
     model = (case.sign * math.exp(p[0]), float(p[1]), float(p[2]), start.lag2)
     # secants of 5 %: at a lag of zero the tangents of lag and dead time coincide
     jacobian = _jacobian(case, p, residual, 0.05)
-    return with_uncertainty(start.process, model, case.time, case.y, residual, jacobian, INDIRECT)
+    return with_uncertainty(start.process, model, case.time, case.y, residual, jacobian, period, INDIRECT)
 
 
 def _standard(settings: Settings) -> tuple[float, float, float, float, float, float] | None:

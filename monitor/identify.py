@@ -119,7 +119,9 @@ def load_integrals(
     return size, age, gain, (gain * (s3 + size * age**3 / 6) - y2) / y1
 
 
-def fit_window(window: Array, before: int, process: str, load: bool = False) -> Fit | None:
+def fit_window(
+    window: Array, before: int, process: str, load: bool = False, period: float | None = None
+) -> Fit | None:
     """Fit the half-rule model of one kind of process to a window.
 
     Parameters
@@ -133,6 +135,8 @@ def fit_window(window: Array, before: int, process: str, load: bool = False) -> 
         ``self-regulating``: ``y = K F(lag, lag2, dead time)[u] + c0``.
     load
         A load stepped, before time zero: its size and onset are fitted too (without c1 and lag2).
+    period
+        Sample period, which a thinned window no longer shows; by default the median step of its times [s].
 
     Returns
     -------
@@ -152,7 +156,7 @@ def fit_window(window: Array, before: int, process: str, load: bool = False) -> 
     residual, jacobian, size = _jacobian(t, u, y, kind, best)
     dead_time, lag, third, gain = (float(v) for v in best[1:5])
     model = (gain, lag, dead_time, 0.0 if load else third)
-    fit = with_uncertainty(process, model, t, y, residual, jacobian)
+    fit = with_uncertainty(process, model, t, y, residual, jacobian, period)
     return replace(fit, size=size / gain, onset=float(t[0]) + third) if load else fit
 
 
@@ -165,7 +169,7 @@ def _columns(window: Array, before: int, load: bool) -> tuple[Array, Array, Arra
 
 def with_uncertainty(
     process: str, model: tuple[float, float, float, float], t: Array, y: Array, residual: Array, jacobian: Array,
-    method: str = DIRECT,
+    period: float | None = None, method: str = DIRECT,
 ) -> Fit:  # fmt: skip
     """Make a Fit of an optimum: its quality, and its covariance from residuals and their autocorrelation.
 
@@ -184,7 +188,7 @@ def with_uncertainty(
     n_eff = len(t) / correlation_time(residual)
     variance = max(rss / max(len(t) - 6, 1), 1e-24 * spread)
     t0 = lag + lag2 + dead_time
-    step = float(np.median(np.diff(t)))
+    step = float(np.median(np.diff(t))) if period is None else period
     # lag and dead time are parts of T0: where the data cannot tell them apart, neither exceeds it by much
     prior = np.zeros(jacobian.shape[1])
     prior[:3] = 1e-2, 1.0 / (t0 + step) ** 2, 1.0 / (t0 + step) ** 2

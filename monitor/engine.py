@@ -189,7 +189,7 @@ class Engine:
         records += [found, _window(event, window, finding)]
         before = case.row
         case.row = self._judge(loop, case)
-        if case.advice is not None and (before is None or _changed(before, case.row)):
+        if case.row.new_kp is not None and (before is None or _changed(before, case.row)):
             evidence = tuple(f.record.id for f in case.findings if f.usable)
             records.append(Suggestion(row=self.row(row), evidence=evidence))
         return records

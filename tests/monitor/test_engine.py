@@ -16,7 +16,7 @@ from twin import START, Seen, pi_loop, run, samples_of, table_of, times, watch
 
 from monitor.engine import KEPT, Engine, canonical_form, worst_first
 from monitor.loops import Loop, LoopTable
-from monitor.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow, Record, Window
+from monitor.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow, Record, Suggestion, Window
 from monitor.samples import Samples
 from sim_plants.fleet import random_fleet
 from sim_plants.loops import Simulation
@@ -417,3 +417,18 @@ def test_a_loop_may_join_later():
     engine.flush()
     assert [r.events for r in (engine.row(0), engine.row(1))] == [1, 1]
     assert isinstance(engine.row(1), LoopRow)
+
+
+def test_events_that_contradict_take_the_suggestion_back():
+    """A loop that was to be retuned, then shows four times the gain: no suggestion is said with that verdict."""
+    loop = Loop(name="L", kp=0.05, ti=200.0, process="integrating")
+    engine = Engine(LoopTable([loop]))
+    first = stepped(2500, kp=0.05, ti=200.0, noise=0.005)
+    later = stepped(2500, kp=0.05, ti=200.0, gain=0.2, noise=0.005)
+    later = replace(later, time=later.time + 10**14)
+    said = engine.step(first) + engine.assess() + engine.flush()
+    assert any(isinstance(r, Suggestion) for r in said)
+    said = engine.step(later) + engine.flush()
+    assert engine.row(0).verdict == INCONCLUSIVE
+    assert "contradict" in engine.row(0).reason
+    assert not any(isinstance(r, Suggestion) for r in said)

@@ -111,28 +111,27 @@ def assess_event(loop: Loop, form: str, event: Any, window: Array) -> Finding:
     if against:
         verdict, reason = INCONCLUSIVE, "; ".join(against)
     else:
-        assert fit is not None and model is not None  # noqa: S101, PT018 (what _against makes sure of)
+        assert model is not None  # noqa: S101 (what _against makes sure of)
         over = 0.0 if load else overshoot(event, window)
         verdict, reason = judge(loop, form, model, (None, ci) if load else (ci, None), ms, over)
         reason = "; ".join(filter(None, [reason, _ended(event)]))
     gain_integrals, t0_integrals = _by_integrals(event, fit)
+    onset, amplitude = int(event["onset"]), float(event["amplitude"])
+    if load:
+        amplitude = (fit.size if fit is not None else None) or 0.0
+        onset += round(fit.onset * 1e9) if fit is not None and fit.onset is not None else 0
     record = Assessment(
         loop=loop.name,
         id=event_id(loop.name, int(event["onset"])),
         event=int(event["number"]),
         kind=LOAD if load else SETPOINT,
-        start=int(event["onset"])
-        + (round(fit.onset * 1e9) if fit is not None and fit.onset is not None else 0),
+        start=onset,
         end=int(event["end"]),
         state=STATES[event["state"]],
-        amplitude=float(event["amplitude"])
-        if not load
-        else fit.size
-        if fit is not None and fit.size
-        else 0.0,
+        amplitude=amplitude,
         iae=iae,
         ci=ci,
-        process=fit.process if fit is not None and decided and _explained(fit, event) else "undecided",
+        process="undecided" if trusted is None else trusted.process,
         method=None if fit is None else fit.method,
         fit=None if fit is None else fit.quality,
         coverage=coverage(event),

@@ -13,7 +13,6 @@ Ns = NDArray[np.int64]
 
 UNITS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 EXCEL = "excel"
-CHOICES = (*UNITS, EXCEL)
 OPTION = "--time-unit s|ms|us|ns|excel"
 
 OLDEST, NEWEST = 315_532_800.0, 7_258_118_400.0

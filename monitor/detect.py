@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernel
+from .health import HEALTH
 from .loops import Loop
 from .samples import Samples
 from .state import BY_END, CLOSED, OUT, PARAM, RING, STATE, TOO_LARGE, WINDOW
@@ -33,6 +34,7 @@ class Detector:
     def __init__(self, loops: list[Loop]) -> None:
         self.param = np.zeros(0, PARAM)
         self.state = np.zeros(0, STATE)
+        self.health = np.zeros(0, HEALTH)
         self.ring = np.zeros((0, RING, 3))
         self.ring_time = np.zeros((0, RING), np.int64)
         self.coarse = np.zeros((0, RING, 3))
@@ -53,6 +55,7 @@ class Detector:
         self.param = np.concatenate([self.param, param])
         self.state = np.concatenate([self.state, state])
         n = len(self.state)
+        self.health = _grown(self.health, n)
         self.ring = _grown(self.ring, n)
         self.ring_time = _grown(self.ring_time, n)
         self.coarse = _grown(self.coarse, n)
@@ -72,8 +75,8 @@ class Detector:
         while at < len(samples):
             self._make_room()
             at, n = kernel.run(
-                self.state, self.param, self.ring, self.ring_time, self.coarse, self.coarse_time, self.slab,
-                self.free, self.n_free, self.out,
+                self.state, self.health, self.param, self.ring, self.ring_time, self.coarse, self.coarse_time,
+                self.slab, self.free, self.n_free, self.out,
                 samples.loop, samples.time, samples.sp, samples.pv, samples.op, samples.auto, samples.quality, at,
             )  # fmt: skip
             found += self._drain(n)

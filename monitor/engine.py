@@ -18,6 +18,7 @@ from tuners.blocks import BLOCKS
 from .advise import Advice, Withheld, advise
 from .assess import Finding, assess_event, model_fields
 from .detect import Detector
+from .health import figures
 from .identify import Array, Fit, combine, contradictory, model_response
 from .judge import current_sensitivity, judge
 from .loops import FORMS, Loop, LoopTable
@@ -34,9 +35,10 @@ from .records import (
     event_id,
 )
 from .reference import LOAD, SETPOINT, model_of
-from .rows import health, inconclusive, nothing_seen, with_settings, withhold, worst_first
+from .rows import inconclusive, with_settings, withhold, worst_first
 from .samples import Samples
 from .state import BY_SETTINGS, CLOSED, COUNTS, LOAD_STEP, STATES
+from .verdict import conclude
 
 KEPT = 20
 """Findings kept for each loop: the newest ones make its verdict, and memory does not grow with history."""
@@ -256,14 +258,7 @@ class Engine:
         )
         if loop.kp is not None:
             out.kp, out.ti, out.td, out.tf = loop.kp, loop.ti, loop.td, loop.filter_time
-        state = self.detector.state[row]
-        health(out, state)
-        if case is None:
-            out.reason, out.action = (
-                nothing_seen(state),
-                "none; a set-point step shows how the loop is tuned",
-            )
-        return out
+        return conclude(out, figures(self.detector.health[row], self.detector.state[row]))
 
     def rows(self) -> list[LoopRow]:
         """Return one row for each loop, worst first: by verdict, then by index, then by name."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .health import observe
 from .samples import GOOD, UNCERTAIN
 from .state import (
     AWAY,
@@ -49,6 +50,7 @@ from .windows import add, append, begin, begin_load, close, confirm, drop
 @jit
 def run(
     state,
+    health,
     param,
     ring,
     ring_time,
@@ -81,7 +83,7 @@ def run(
         s = state[i]
         if not _accept(s, param[i], time[k], sp[k], pv[k], op[k], quality[k]):
             continue
-        act = _step(s, param[i], time[k], sp[k], pv[k], op[k], auto[k])
+        act = _step(s, health[i], param[i], time[k], sp[k], pv[k], op[k], auto[k])
         if s.slot >= 0 and not act & (CUT | DROP):
             append(s, slab, time[k], sp[k], pv[k], op[k])
         if act:
@@ -133,14 +135,14 @@ def _accept(s, p, time, sp, pv, op, quality):
 
 
 @jit
-def _step(s, p, time, sp, pv, op, auto):
+def _step(s, h, p, time, sp, pv, op, auto):
     """Take in one good sample; return what to do with the loop's window, as a sum of actions."""
     if s.seen == 0:
         _restart(s, sp, pv)
         return 0
     dt = (time - s.time) * 1e-9
     gap = s.period > 0 and dt > MAX_GAP * s.period
-    _live(s, p, dt, gap, op)
+    observe(h, s, p, time, dt, gap, sp, pv, op, auto)
     if gap or not auto or not s.auto:
         act = 0
         if s.phase == CANDIDATE:
@@ -174,22 +176,6 @@ def _keep(s, time, sp, pv, op, auto):
     s.dpv = d
     s.time, s.sp, s.pv, s.op, s.auto = time, sp, pv, op, 1 if auto else 0
     s.seen += 1
-
-
-@jit
-def _live(s, p, dt, gap, op):
-    """Account for the time since the last sample."""
-    s.wall_time += dt
-    if gap:
-        return
-    # a missed sample is bridged, but does not count as covered
-    s.good_time += dt if s.period == 0 else min(dt, 1.5 * s.period)
-    if not s.auto:
-        s.manual_time += dt
-    if s.op <= p.op_low or s.op >= p.op_high:
-        s.limit_time += dt
-    if s.seen > 0:
-        s.travel += abs(op - s.op)
 
 
 @jit

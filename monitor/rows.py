@@ -86,28 +86,3 @@ def _words(settings: Settings) -> str:
     integral = f"ti = {settings.ti:.4g} s" if math.isfinite(float(settings.ti)) else "no integral action"
     lead = f", td = {settings.td:.4g} s, tf = {settings.tf:.3g} s" if float(settings.td) > 0 else ""
     return f"kp = {settings.kp:.4g}, {integral}{lead}"
-
-
-def health(row: LoopRow, state: Any) -> None:
-    """Fill in what the running state knows of the loop's health; empty where nothing was seen."""
-    wall, good = float(state["wall_time"]), float(state["good_time"])
-    if wall <= 0 or good <= 0:
-        return
-    row.coverage = min(good / wall, 1.0)
-    row.manual = float(state["manual_time"]) / good
-    row.saturation = float(state["limit_time"]) / good
-    row.travel_per_hour = float(state["travel"]) / good * 3600.0
-    if state["warm"] > 0:
-        row.offset = float(state["mean_e"])
-        row.noise = math.sqrt(float(state["var_d"]) / 6.0)
-    row.quantum = float(state["quantum"]) or None
-    row.flags = ("manual",) if row.manual > 0.5 else ()
-
-
-def nothing_seen(state: Any) -> str:
-    """Say why a loop was not assessed."""
-    if state["seen"] == 0:
-        return "no good sample was seen"
-    if state["manual_time"] > 0.5 * max(float(state["good_time"]), 1e-9):
-        return "in manual"
-    return "no set-point or load step was seen"

@@ -81,12 +81,11 @@ _FACTS = "phase time seen warm based away ringed looks slot auto kind moved move
 _EVENT = "onset still end end_state end_cause points before stride skipped".split()
 _SHAPE = "amplitude held low high sum_e sum_t quiet sp_from".split()
 _LAST = "sp pv op dpv period short mean_pv mean_op var_d quantum".split()
-_LIFE = "wall_time good_time manual_time limit_time travel".split()
 
 STATE = np.dtype(
     [
         *[(n, _i) for n in (*_FACTS, *_EVENT, *COUNTS)],
-        *[(n, _f) for n in (*_LAST, *_SHAPE, *_LIFE, *_NOISE)],
+        *[(n, _f) for n in (*_LAST, *_SHAPE, *_NOISE)],
         # the noise at the last look, and at the one before
         *[(f"{n}_{k}", _f) for k in (1, 2) for n in _NOISE],
         *_INTEGRALS,

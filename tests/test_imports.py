@@ -41,6 +41,7 @@ CORE = {
         "reference",
         "assess",
         "health",
+        "verdict",
         "advise",
         "rows",
     ),

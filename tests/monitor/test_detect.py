@@ -359,9 +359,9 @@ def test_a_gap_interrupts_an_event_and_nothing_is_integrated_across():
     assert (STATES[closed["state"]], closed["cause"]) == ("interrupted", BY_GAP)
     assert closed["end"] == START + 259 * SECOND
     assert closed["iae"] < 4.0 * 60
-    state = detector.state[0]
-    assert state["wall_time"] == pytest.approx(699 + 3600)
-    assert state["good_time"] < 700
+    health = detector.health[0]
+    assert health["wall_time"] == pytest.approx(699 + 3600)
+    assert health["good_time"] < 700
 
 
 def test_manual_interrupts_an_event_and_counts():
@@ -374,7 +374,7 @@ def test_manual_interrupts_an_event_and_counts():
     detector, found = detected(replace(samples, sp=sp, auto=auto))
     (closed,) = events_of(found)
     assert (STATES[closed["state"]], closed["cause"]) == ("interrupted", BY_MODE)
-    assert detector.state[0]["manual_time"] == pytest.approx(240.0, abs=1.5)
+    assert detector.health[0]["manual_time"] == pytest.approx(240.0, abs=1.5)
 
 
 def test_back_to_automatic_with_a_bump_is_no_step():
@@ -542,9 +542,9 @@ def test_time_at_a_limit_is_counted_only_where_limits_are_known():
     at_limit = int((op >= 55.0).sum())
     assert at_limit > 0
     assert event["saturated"] == pytest.approx(at_limit, abs=1)
-    assert with_limit.state[0]["limit_time"] == pytest.approx(at_limit, abs=1)
+    assert with_limit.health[0]["limit_time"] == pytest.approx(at_limit, abs=1)
     without, _ = detected(replace(samples, op=np.clip(samples.op, 0, 100)))
-    assert without.state[0]["limit_time"] == 0.0
+    assert without.health[0]["limit_time"] == 0.0
 
 
 # ---------------------------------------------------------------------------------------------------

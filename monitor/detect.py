@@ -19,7 +19,11 @@ from . import kernel
 from .health import HEALTH
 from .loops import Loop
 from .samples import Samples
-from .state import BY_END, CLOSED, OUT, PARAM, RING, STATE, TOO_LARGE, WINDOW
+from .state import BY_END, CLOSED, EVENT_OUT, PARAM, RING, STATE, TOO_LARGE, WINDOW
+
+OUT = np.dtype([*EVENT_OUT, ("loop_health", HEALTH), ("loop_state", STATE)])
+"""An event handed out; a closed one with the loop's health and state of that moment, so that what is concluded
+does not depend on how the samples were batched."""
 
 
 class Detector:
@@ -86,7 +90,9 @@ class Detector:
         """Close the open events of these rows (default: all) as interrupted, by default by the end of the data."""
         found: list[tuple[Any, NDArray[np.float64]]] = []
         for row in np.flatnonzero(self.state["slot"] >= 0) if loops is None else loops:
-            found += self._drain(kernel.flush(self.state, self.free, self.n_free, self.out, row, cause))
+            found += self._drain(
+                kernel.flush(self.state, self.health, self.free, self.n_free, self.out, row, cause)
+            )
         return found
 
     def _make_room(self) -> None:

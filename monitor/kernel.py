@@ -87,7 +87,7 @@ def run(
         if s.slot >= 0 and not act & (CUT | DROP):
             append(s, slab, time[k], sp[k], pv[k], op[k])
         if act:
-            n = _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time[k], sp[k])
+            n = _act(act, s, health[i], ring, ring_time, slab, free, n_free, out, n, i, time[k], sp[k])
             if act & BEGIN_LOAD:
                 begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time[k], pv[k])
             if act & (BEGIN | BEGIN_LOAD):
@@ -231,7 +231,7 @@ def _follow(s, time, dt, sp, pv, moved):  # noqa: C901, PLR0911 (a return for ea
 
 
 @jit
-def _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time, sp):
+def _act(act, s, h, ring, ring_time, slab, free, n_free, out, n, i, time, sp):
     """Do with the window what `_step` asked for; return the number of events in ``out``."""
     if act & DROP:
         drop(s, free, n_free)
@@ -240,9 +240,17 @@ def _act(act, s, ring, ring_time, slab, free, n_free, out, n, i, time, sp):
     if act & (CUT | DONE):
         _settle_down(s)
         n = close(s, out, n, i)
+        _stamp(out[n - 1], h, s)
     if act & (BEGIN | BEGIN_LOAD):
         begin(s, ring, ring_time, slab, free, n_free, i, time)
     return n
+
+
+@jit
+def _stamp(o, h, s):
+    """Put the loop's health and state of this moment on a closed event."""
+    o.loop_health = h
+    o.loop_state = s
 
 
 @jit
@@ -377,7 +385,7 @@ def _lies_still(s, time, dt, e):
 
 
 @jit
-def flush(state, free, n_free, out, i, cause):
+def flush(state, health, free, n_free, out, i, cause):
     """Close a loop's open event for a cause from outside; return the number of events in ``out``."""
     s = state[i]
     if s.phase == CANDIDATE:
@@ -387,4 +395,6 @@ def flush(state, free, n_free, out, i, cause):
         return 0
     _end(s, 2, cause, s.time)
     _settle_down(s)
-    return close(s, out, 0, i)
+    n = close(s, out, 0, i)
+    _stamp(out[0], health[i], s)
+    return n

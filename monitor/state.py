@@ -93,26 +93,25 @@ STATE = np.dtype(
     ]
 )
 
-OUT = np.dtype(
-    [
-        *[
-            (n, _i)
-            for n in (
-                "what",
-                "loop",
-                "kind",
-                "state",
-                "cause",
-                "slot",
-                "points",
-                "before",
-                "onset",
-                "end",
-                "number",
-            )
-        ],
-        *[(n, _f) for n in ("amplitude", "wall", "quiet", "offset", "period", "sp_from", "quantum")],
-        *_INTEGRALS,
-        *_BASELINE,
-    ]
-)
+EVENT_OUT = [
+    *[
+        (n, _i)
+        for n in (
+            "what",
+            "loop",
+            "kind",
+            "state",
+            "cause",
+            "slot",
+            "points",
+            "before",
+            "onset",
+            "end",
+            "number",
+        )
+    ],
+    *[(n, _f) for n in ("amplitude", "wall", "quiet", "offset", "period", "sp_from", "quantum")],
+    *_INTEGRALS,
+    *_BASELINE,
+]
+"""Fields of an event handed out."""

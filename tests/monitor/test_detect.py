@@ -72,7 +72,9 @@ def as_bytes(found: Found) -> list[tuple[bytes, bytes]]:
     out = []
     for event, window in found:
         copy = event.copy()
-        copy["slot"] = 0
+        copy["slot"] = copy["loop_state"]["slot"] = 0
+        for name in COUNTS:
+            copy["loop_state"][name] = 0
         out.append((copy.tobytes(), window.tobytes()))
     return out
 

@@ -84,15 +84,28 @@ def _settings(loop: LoopSpec) -> dict[str, float]:
         "track": period / (period + pid.tracking_time),
         "noise": loop.noise,
         "quantum": loop.quantum,
+        "colour": _stays(loop.noise_time, period),
         "wander": loop.wander * math.sqrt(period),
+        "wander_back": _stays(loop.wander_time, period),
+        "ramp": loop.setpoint_rate * period,
+        "master": loop.master,
+        "master_stays": _stays(loop.master_time, max(loop.master_scan, period)),
+        "master_scan": max(round(loop.master_scan / period), 1),
         "stiction": loop.stiction,
     }
+
+
+def _stays(time: float, period: float) -> float:
+    """Share of a first-order random signal that is left after a period; none at a time of 0, all at inf."""
+    return math.exp(-period / time) if time > 0 else 0.0
 
 
 def _start(loop: LoopSpec) -> dict[str, float]:
     """Return the state at rest; what is not named here begins at 0."""
     pid = loop.controller
     return {
+        "target": loop.pv0,
+        "moving": loop.pv0,
         "sp": loop.pv0,
         "op": loop.op0,
         "valve": loop.op0,

@@ -46,8 +46,14 @@ LOOP = np.dtype(
         ("windup", "i8"),  # anti-windup code
         ("track", "f8"),  # share of the excess taken back per sample
         ("noise", "f8"),  # [PV] standard deviation
+        ("colour", "f8"),  # share of the noise that stays until the next sample
         ("quantum", "f8"),  # [PV]
         ("wander", "f8"),  # [OP] standard deviation of the load's walk per sample
+        ("wander_back", "f8"),  # share of the walk that stays until the next sample
+        ("ramp", "f8"),  # [PV] largest move of the set point per sample, 0 without limit
+        ("master", "f8"),  # [PV] standard deviation of what a master adds to the set point
+        ("master_stays", "f8"),  # share of it that stays until the master's next scan
+        ("master_scan", "i8"),  # samples from one of its scans to the next
         ("stiction", "f8"),  # [OP]
         ("step_first", "i8", (CHANNELS,)),  # where the steps of a channel begin
         ("step_end", "i8", (CHANNELS,)),  # and end
@@ -56,6 +62,9 @@ LOOP = np.dtype(
         ("due_ns", "i8"),  # time of the next sample since the start [ns]
         ("sample", "i8"),  # its number
         ("ring_at", "i8"),  # oldest entry of the delay line
+        ("target", "f8"),  # [PV] where the set point goes
+        ("moving", "f8"),  # [PV] where it is, without the master
+        ("mastered", "f8"),  # [PV] what the master adds
         ("sp", "f8"),  # [PV]
         ("op", "f8"),  # [OP]
         ("auto", "f8"),  # 1 automatic, 0 manual
@@ -64,6 +73,7 @@ LOOP = np.dtype(
         ("slope_in", "f8"),  # [PV] its last input
         ("load", "f8"),  # [OP] load that has reached the plant
         ("walk", "f8"),  # [OP]
+        ("coloured", "f8"),  # [PV] noise of the last sample
         ("valve", "f8"),  # [OP]
         ("random", "u8"),
         ("step_next", "i8", (CHANNELS,)),  # next step, its index
@@ -140,6 +150,19 @@ def steps(r: Record, plan: Records, channel: int) -> float:
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
+def set_point(r: Record, moved: float) -> None:
+    """Move SP towards its target, and by what a master does; the master draws a pair of numbers a scan."""
+    r.target += moved
+    away = r.target - r.moving
+    r.moving = r.moving + min(max(away, -r.ramp), r.ramp) if r.ramp > 0.0 else r.target
+    if r.master > 0.0 and r.sample % r.master_scan == 0:
+        normal = np.sqrt(-2.0 * np.log(uniform(r))) * np.cos(2.0 * np.pi * uniform(r))
+        fresh = np.sqrt(1.0 - r.master_stays * r.master_stays)
+        r.mastered = r.master_stays * r.mastered + fresh * r.master * normal
+    r.sp = r.moving + r.mastered
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
 def measure(r: Record, z: Pool) -> float:
     """PV with noise and quantisation; the load's random walk draws from the same pair of numbers."""
     pv = r.pv0 + z[r.x + r.order - 1]
@@ -147,8 +170,10 @@ def measure(r: Record, z: Pool) -> float:
         # Box and Muller (1958): both normals of a pair are used.
         radius = np.sqrt(-2.0 * np.log(uniform(r)))
         angle = 2.0 * np.pi * uniform(r)
-        pv += r.noise * radius * np.cos(angle)
-        r.walk += r.wander * radius * np.sin(angle)
+        fresh = np.sqrt(1.0 - r.colour * r.colour)
+        r.coloured = r.colour * r.coloured + fresh * r.noise * radius * np.cos(angle)
+        pv += r.coloured
+        r.walk = r.wander_back * r.walk + r.wander * radius * np.sin(angle)
     if r.quantum > 0.0:
         pv = r.quantum * np.floor(pv / r.quantum + 0.5)
     return pv  # type: ignore[no-any-return]
@@ -220,7 +245,7 @@ def advance(loops: Records, plan: Records, z: Pool, start_ns: int, until_ns: int
         for i in range(loops.size):
             r = loops[i]
             if r.due_ns == now:
-                r.sp += steps(r, plan, SETPOINT)
+                set_point(r, steps(r, plan, SETPOINT))
                 r.auto += steps(r, plan, AUTO)
                 pv = measure(r, z)
                 control(r, pv, steps(r, plan, OUTPUT))

@@ -9,6 +9,10 @@ import numpy as np
 from sim_plants.controllers import Controller
 from sim_plants.plants import GRID_TOLERANCE, Plant, delay_of
 
+# Fields of a loop that are sizes, rates or times: finite, 0 or more.
+_SIZES = (
+    "noise", "noise_time", "quantum", "wander", "stiction", "setpoint_rate", "master", "master_time", "master_scan",
+)  # fmt: skip
 Objective = Literal["setpoint", "load", "both", "averaging"]
 
 # Times are kept in whole microseconds: a float of epoch seconds holds no more, ISO text shows no more.
@@ -90,16 +94,26 @@ class LoopSpec:
     output : Steps
         Moves of OP by the operator; without effect in automatic [OP].
     noise : float
-        Standard deviation of white noise on PV [PV].
+        Standard deviation of the noise on PV [PV].
+    noise_time : float
+        Correlation time of the noise; 0 where it is white [s].
     quantum : float
         Resolution of PV; 0 for none [PV].
     wander : float
         Standard deviation of the change of a randomly walking load [OP per square root of a second].
+    wander_time : float
+        Time constant with which that load comes back to its mean; `inf` where it never does [s].
+    setpoint_rate : float
+        Rate at which SP moves to where a step sends it; 0 for at once [PV/s].
+    master : float
+        Standard deviation of what a cascade's master adds to SP, 0 without a master [PV].
+    master_time, master_scan : float, float
+        Correlation time of that, and how often the master writes it; 0 for every sample [s].
     stiction : float
         Change of OP that the valve needs to move at all [OP]. One-parameter model of A. Stenman,
         F. Gustafsson, K. Forsman, Int. J. Adaptive Control Signal Process. 17 (2003) 769-790.
     seed : int
-        Seed of noise and wander.
+        Seed of noise, wander and master.
     objective : {'setpoint', 'load', 'both', 'averaging'}
         What the loop is for.
     pv_low, pv_high : float
@@ -130,7 +144,13 @@ class LoopSpec:
     output: Steps = NEVER
     noise: float = 0.0
     quantum: float = 0.0
+    noise_time: float = 0.0
     wander: float = 0.0
+    wander_time: float = math.inf
+    setpoint_rate: float = 0.0
+    master: float = 0.0
+    master_time: float = 60.0
+    master_scan: float = 0.0
     stiction: float = 0.0
     seed: int = 0
     objective: Objective = "both"
@@ -151,9 +171,10 @@ class LoopSpec:
         need(bool(self.name), "name", "a tag, e.g. LIC-101")
         for what in ("pv0", "op0"):
             need(math.isfinite(getattr(self, what)), what, "a finite number")
-        for what in ("noise", "quantum", "wander", "stiction"):
+        for what in _SIZES:
             value = getattr(self, what)
             need(math.isfinite(value) and value >= 0, what, "a number, 0 or more")
+        need(self.wander_time > 0, "wander_time", "seconds above 0, or inf")
         need(math.isfinite(self.period) and self.period >= 1e-6, "period", "seconds, 0.000001 or more")
         need(self.objective in get_args(Objective), "objective", "one of " + ", ".join(get_args(Objective)))
         need(self.pv_low < self.pv_high, "pv_low", f"a number below pv_high ({self.pv_high!r})")

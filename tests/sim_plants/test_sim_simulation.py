@@ -252,9 +252,50 @@ def test_wander_grows_as_the_root_of_time():
     assert last.std() == pytest.approx(0.1 * 20.0, rel=0.12)
 
 
+def correlation(x, lag):
+    return float(np.corrcoef(x[:-lag], x[lag:])[0, 1])
+
+
+def test_coloured_noise_keeps_its_spread_and_has_its_correlation_time():
+    loop = LoopSpec("FIC-1", SLOW, Controller(0.8, 9.0), noise=0.3, noise_time=20.0, seed=5, auto=False)
+    pv = Simulation([loop]).advance(200_000.0).pv
+    assert pv.std() == pytest.approx(0.3, rel=0.05)
+    assert correlation(pv, 20) == pytest.approx(np.exp(-1), abs=0.05)
+
+
+def test_a_wandering_load_that_comes_back_stays_bounded():
+    fast = Plant("self-regulating", 1.0, 0.0, (0.01,))
+    loop = LoopSpec("L", fast, Controller(1.0), auto=False, wander=0.1, wander_time=50.0, seed=1)
+    pv = Simulation([loop]).advance(200_000.0).pv
+    assert pv.std() == pytest.approx(0.1 * np.sqrt(50.0 / 2), rel=0.05)
+    assert correlation(pv, 50) == pytest.approx(np.exp(-1), abs=0.05)
+
+
+def test_a_set_point_with_a_rate_ramps_to_where_its_steps_send_it():
+    ramp = Steps((10.0, 12.0), (1.0, 1.0))
+    sp = (
+        Simulation([LoopSpec("L", SLOW, Controller(0.8, 9.0), setpoint=ramp, setpoint_rate=0.25)])
+        .advance(30.0)
+        .sp
+    )
+    np.testing.assert_allclose(sp, np.clip((np.arange(30) - 9) * 0.25, 0.0, 2.0), atol=1e-12)
+
+
+def test_a_master_moves_the_set_point_at_its_scans():
+    loop = LoopSpec("L", SLOW, Controller(0.8, 9.0), master=2.0, master_time=40.0, master_scan=4.0, seed=3)
+    sp = Simulation([loop]).advance(400_000.0).sp
+    moves = np.flatnonzero(np.diff(sp)) + 1
+    assert np.all(moves % 4 == 0)
+    assert len(moves) > 90_000
+    assert sp.std() == pytest.approx(2.0, rel=0.05)
+    assert correlation(sp, 40) == pytest.approx(np.exp(-1), abs=0.05)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        ({"wander_time": 0.0}, "wander_time: 0.0, expected"),
+        ({"master": -1.0}, "master: -1.0, expected"),
         ({"noise": -1.0}, "loop 'LIC-1': noise: -1.0, expected"),
         ({"period": 0.0}, "loop 'LIC-1': period: 0.0, expected"),
         ({"name": ""}, "name: '', expected a tag"),

@@ -6,64 +6,23 @@ batched: detection works sample by sample, and a loop's assessment rests on that
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from tuners.blocks import BLOCKS
-
-from .advise import Advice, Withheld, advise
-from .assess import Finding, assess_event, model_fields
+from .assess import Finding, assess_event
+from .case import Case
 from .detect import Detector
 from .health import figures
-from .identify import Array, Fit, combine, contradictory, model_response
-from .judge import current_sensitivity, judge
-from .loops import FORMS, Loop, LoopTable
-from .records import (
-    GOOD,
-    INCONCLUSIVE,
-    RETUNE,
-    Assessment,
-    Event,
-    LoopRow,
-    Record,
-    Suggestion,
-    Window,
-    event_id,
-)
-from .reference import LOAD, SETPOINT, model_of
-from .rows import inconclusive, with_settings, withhold, worst_first
+from .identify import Array, model_response
+from .loops import Loop, LoopTable
+from .records import Assessment, Event, LoopRow, Record, Suggestion, Window, event_id
+from .reference import SETPOINT
+from .rows import worst_first
 from .samples import Samples
 from .state import BY_SETTINGS, CLOSED, COUNTS, LOAD_STEP, STATES
 from .verdict import conclude
-
-KEPT = 20
-"""Findings kept for each loop: the newest ones make its verdict, and memory does not grow with history."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Kept:
-    """A suggestion that stands, with the model that it rests on."""
-
-    advice: Advice
-    fit: Fit
-
-
-@dataclass(slots=True)
-class _Case:
-    """What is known of one loop beyond its running state."""
-
-    findings: list[Finding] = field(default_factory=list)
-    events: int = 0
-    row: LoopRow | None = None
-    advice: _Kept | None = None
-    retuned: int = 0
-    """When the settings of today came into force [ns]; 0 where they were there from the start."""
-    before: LoopRow | None = None
-    """The row as it stood when the settings changed."""
 
 
 class Engine:
@@ -78,7 +37,7 @@ class Engine:
     def __init__(self, loops: LoopTable) -> None:
         self.loops = loops
         self.detector = Detector(list(loops))
-        self._cases: dict[int, _Case] = {}
+        self._cases: dict[int, Case] = {}
         self._pending: list[tuple[Any, Array]] = []
         self.disturbances = 0
         """Suspected load steps that no step explains."""
@@ -113,11 +72,8 @@ class Engine:
         records += [record for event, window in own for record in self._assess(event, window)]
         self.loops.replace(row, loop)
         case = self._cases.get(row)
-        if case is None or case.row is None:
-            return records
-        case.before, case.advice = case.row, None
-        case.retuned = int(self.detector.state["time"][row]) + 1
-        case.row = self._judge(self.loops[row], case)
+        if case is not None:
+            case.retune(self.loops[row], int(self.detector.state["time"][row]) + 1)
         return records
 
     # -- samples in, records out ------------------------------------------------------------------
@@ -179,86 +135,39 @@ class Engine:
     def _assess(self, event: Any, window: Array) -> list[Record]:
         row = int(event["loop"])
         loop = self.loops[row]
-        finding = assess_event(loop, canonical_form(loop), event, window)
+        finding = assess_event(loop, loop.canonical_form, event, window)
         if not finding.is_event:
             self.disturbances += 1
             return []
-        case = self._cases.setdefault(row, _Case())
-        case.events += 1
-        found = msgspec.structs.replace(finding.record, event=case.events)
-        case.findings = [*case.findings, replace(finding, record=found)][-KEPT:]
-        records: list[Record] = [] if found.kind == SETPOINT else [_closing(found)]
-        records += [found, _window(event, window, finding)]
-        before = case.row
-        case.row = self._judge(loop, case)
-        if case.row.new_kp is not None and (before is None or _changed(before, case.row)):
+        case = self._cases.setdefault(row, Case())
+        finding = case.take(finding, loop)
+        records: list[Record] = [] if finding.record.kind == SETPOINT else [_closing(finding.record)]
+        records += [finding.record, _window(event, window, finding)]
+        standing = self._row(row, event["loop_health"], event["loop_state"])
+        case.verdict = standing.verdict
+        if standing.new_kp is None:
+            case.said = None
+        elif case.said is None or _changed(case.said, standing):
+            case.said = standing
             evidence = tuple(f.record.id for f in case.findings if f.usable)
-            records.append(Suggestion(row=self.row(row), evidence=evidence))
+            records.append(Suggestion(row=standing, evidence=evidence))
         return records
 
     # -- the loop as it stands --------------------------------------------------------------------
 
-    def _judge(self, loop: Loop, case: _Case) -> LoopRow:
-        """Judge a loop: the process by all its events, speed by those under the settings of today."""
-        row = LoopRow(loop=loop.name, events=case.events)
-        today = [f for f in case.findings if f.record.start >= case.retuned]
-        seen = [f for f in today if f.usable] or today
-        row.ci_setpoint, row.ci_load = (
-            _median([f.record.ci for f in seen if f.record.kind == kind]) for kind in (SETPOINT, LOAD)
-        )
-        usable = [f for f in case.findings if f.usable and f.fit is not None]
-        if not usable:
-            last = case.findings[-1].record
-            row.verdict, row.reason, row.process = INCONCLUSIVE, last.reason, last.process
-            row.action = "none on this evidence; wait for, or make, a clean set-point step"
-            return row
-        fits = [f.fit for f in usable if f.fit is not None]
-        if len({f.process for f in fits}) > 1 or len({math.copysign(1, f.gain) for f in fits}) > 1:
-            row.process = "undecided"
-            return inconclusive(row, "the events contradict each other in kind of process or sign of gain")
-        joint = combine(fits)
-        row.process = joint.process
-        for name, value in model_fields(joint).items():
-            setattr(row, name, value)
-        if contradictory(fits, joint):
-            return inconclusive(row, "the events contradict each other: their gains differ beyond chance")
-        form, model, period = canonical_form(loop), model_of(joint), usable[-1].period
-        alone = len(usable) == 1 and not case.retuned  # the event's own figure is the loop's
-        row.ms = usable[0].record.ms if alone else current_sensitivity(loop, form, model, period)
-        row.verdict, row.reason = judge(loop, form, model, (row.ci_setpoint, row.ci_load), row.ms, 0.0)
-        if alone and row.verdict == usable[0].record.verdict:
-            row.reason = usable[0].record.reason  # it knows the overshoot and how the event ended
-        if case.retuned:
-            row.reason = "; ".join(filter(None, [_since_retune(case, row), row.reason]))
-        if row.verdict != RETUNE:
-            row.action = "none" if row.verdict == GOOD else "wait for, or make, a clean set-point step"
-            case.advice = None
-            return row
-        return self._advise(loop, case, row, joint, period)
-
-    def _advise(self, loop: Loop, case: _Case, row: LoopRow, joint: Fit, period: float) -> LoopRow:
-        """Write a suggestion into the row; the old one is kept while the model stays inside its intervals."""
-        form = canonical_form(loop)
-        noise = float(np.median([f.noise for f in case.findings if f.usable]))
-        kept = case.advice
-        if kept is None or not _inside(joint, kept.fit):
-            advice = advise(loop, form, joint, noise, period, row.ms)
-            if isinstance(advice, Withheld):
-                case.advice = None
-                return withhold(row, advice)
-            kept = case.advice = _Kept(advice, joint)
-        return with_settings(row, loop, form, kept.advice)
-
     def row(self, row: int) -> LoopRow:
         """Return a loop's current row: its verdict, and its health so far."""
+        return self._row(row, self.detector.health[row], self.detector.state[row])
+
+    def _row(self, row: int, health: Any, state: Any) -> LoopRow:
+        """Return a loop's row with its health as the detector's records of some moment have it."""
         loop = self.loops[row]
         case = self._cases.get(row)
-        out = (
-            LoopRow(loop=loop.name) if case is None or case.row is None else msgspec.structs.replace(case.row)
-        )
+        seen = None if case is None else case.row
+        out = LoopRow(loop=loop.name) if seen is None else msgspec.structs.replace(seen)
         if loop.kp is not None:
             out.kp, out.ti, out.td, out.tf = loop.kp, loop.ti, loop.td, loop.filter_time
-        return conclude(out, figures(self.detector.health[row], self.detector.state[row]))
+        return conclude(out, loop, figures(health, state))
 
     def rows(self) -> list[LoopRow]:
         """Return one row for each loop, worst first: by verdict, then by index, then by name."""
@@ -266,9 +175,9 @@ class Engine:
         return sorted(rows, key=worst_first)
 
     def verdict(self, row: int) -> str | None:
-        """Return a loop's verdict so far, None where nothing was assessed."""
+        """Return a loop's verdict as of its last event, None where nothing was assessed."""
         case = self._cases.get(row)
-        return None if case is None or case.row is None else case.row.verdict
+        return None if case is None else case.verdict
 
     def is_open(self, row: int) -> bool:
         """Whether an event of this loop is open."""
@@ -277,11 +186,6 @@ class Engine:
     def counts(self) -> dict[str, int]:
         """Return what became of all samples, by cause."""
         return {name: int(self.detector.state[name].sum()) for name in COUNTS}
-
-
-def canonical_form(loop: Loop) -> str:
-    """Return the form that the loop's block computes."""
-    return loop.form if loop.form in FORMS else BLOCKS[loop.form].form
 
 
 def _closing(record: Assessment) -> Event:
@@ -299,35 +203,8 @@ def _closing(record: Assessment) -> Event:
 
 def _changed(old: LoopRow, new: LoopRow) -> bool:
     """Whether a suggestion says something new."""
-    names = ("verdict", "rule", "new_kp", "new_ti", "new_td", "new_tf")
+    names = ("rule", "new_kp", "new_ti", "new_td", "new_tf")
     return any(getattr(old, name) != getattr(new, name) for name in names)
-
-
-def _inside(fit: Fit, old: Fit) -> bool:
-    """Whether a model lies inside the intervals of an older one."""
-    if fit.process != old.process:
-        return False
-    return all(
-        low <= float(getattr(fit, name)) <= high
-        for name, (low, high) in ((n, old.interval(n)) for n in ("gain", "dead_time", "lag"))
-    )
-
-
-def _since_retune(case: _Case, row: LoopRow) -> str:
-    """Compare before and after a change of settings, once there is an event to compare."""
-    if case.before is None:
-        return ""
-    pairs = [
-        (name, getattr(case.before, field_), getattr(row, field_))
-        for name, field_ in (("CI_sp", "ci_setpoint"), ("CI_ld", "ci_load"), ("Ms", "ms"))
-    ]
-    told = [f"{name} {a:.2f} -> {b:.2f}" for name, a, b in pairs if a is not None and b is not None]
-    return "since the settings changed: " + ", ".join(told) if told else "no event yet under the new settings"
-
-
-def _median(values: list[float | None]) -> float | None:
-    known = [v for v in values if v is not None]
-    return float(np.median(known)) if known else None
 
 
 def _window(event: Any, window: Array, finding: Finding) -> Window:

@@ -69,6 +69,15 @@ class Loop(msgspec.Struct, frozen=True, kw_only=True):
         ]
 
     @property
+    def canonical_form(self) -> str:
+        """The form that the loop's block computes."""
+        if self.form in FORMS:
+            return self.form
+        from tuners.blocks import BLOCKS  # noqa: PLC0415 (reads a file: only where a block is named)
+
+        return BLOCKS[self.form].form
+
+    @property
     def filter_time(self) -> float:
         """Derivative filter time [s]: as given, else td/10."""
         return (self.td / 10 if self.tf is None else self.tf) if self.td > 0 else 0.0

@@ -42,6 +42,7 @@ CORE = {
         "assess",
         "health",
         "verdict",
+        "case",
         "advise",
         "rows",
     ),

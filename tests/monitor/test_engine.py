@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from twin import START, Seen, pi_loop, run, samples_of, table_of, times, watch
 
-from monitor.engine import KEPT, Engine, canonical_form, worst_first
+from monitor.case import KEPT
+from monitor.engine import Engine, worst_first
 from monitor.loops import Loop, LoopTable
 from monitor.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow, Record, Suggestion, Window
 from monitor.samples import Samples
@@ -355,7 +356,7 @@ def test_a_vendor_block_shows_its_own_fields():
     block = next(k for k, b in BLOCKS.items() if b.form == "standard")
     facts = {"pv_low": 0.0, "pv_high": 100.0, "op_low": 0.0, "op_high": 100.0}
     loop = Loop(name="L", kp=0.4, ti=300.0, form=block, **facts)
-    assert canonical_form(loop) == "standard"
+    assert loop.canonical_form == "standard"
     engine, _ = run(loop, stepped(4000, kp=0.4, ti=300.0, noise=0.02))
     row = engine.row(0)
     assert row.form == block
@@ -380,7 +381,7 @@ def test_a_loop_of_which_nothing_is_known():
     engine.step(Samples.of(2, times(n), 50.0, 50.0, 20.0, auto=False))
     assert [engine.row(k).verdict for k in range(3)] == [NOT_ASSESSED] * 3
     assert [engine.row(k).reason for k in range(3)] == [
-        "no good sample was seen", "no set-point or load step was seen", "in manual",
+        "no good sample was seen", "no set-point or load step was seen", "in manual for 100% of the time",
     ]  # fmt: skip
     assert engine.row(0).coverage is None
     assert engine.row(1).coverage == pytest.approx(1.0)

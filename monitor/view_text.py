@@ -13,6 +13,8 @@ import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from .meanings import MEANINGS
+
 Row = Mapping[str, Any]
 
 TABLE_ROWS = 30
@@ -106,8 +108,12 @@ def loop_page(row: Row, assessment: Row | None = None) -> str:
         lines += ["", escape(row["reason"], 400)]
     if row.get("action"):
         lines += ["", f"**What to do:** {escape(row['action'], 400)}"]
+    flags = row.get("flags")
+    if isinstance(flags, Sequence) and not isinstance(flags, str) and flags:
+        lines += ["", f"**Flags:** {escape(', '.join(plain(f, 30) for f in flags).replace('_', ' '), 300)}"]
     lines += ["", *_settings(row), "", *_before_after(row), "", *_model(row)]
     lines += ["", *_event(assessment)] if assessment else []
+    lines += ["", *_condition(row)]
     return "\n".join(lines) + "\n"
 
 
@@ -244,6 +250,19 @@ def _event(record: Row) -> list[str]:
     ]
     lines[-1] += f" size {number(record.get('amplitude'))} {unit}, CI {number(record.get('ci'), 2)},"
     lines[-1] += f" model explains {number(_percent(record.get('fit')), 3)} % of PV."
+    return lines
+
+
+def _condition(row: Row) -> list[str]:
+    """Show the loop's health figures, those that the data carry."""
+    known = [(name, meaning) for name, meaning in MEANINGS.items() if _is_number(row.get(name))]
+    if not known:
+        return []
+    lines = ["## Health", "", "| | | |", "|---|--:|---|"]
+    lines += [
+        f"| {name.replace('_', ' ')} \\[{meaning.unit}\\] | {number(row[name])} | {meaning.says} |"
+        for name, meaning in known
+    ]
     return lines
 
 

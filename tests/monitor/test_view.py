@@ -13,6 +13,8 @@ from view_tools import paths, read, texts
 
 from monitor import view_text
 from monitor.adapters import rerun_view
+from monitor.meanings import MEANINGS
+from monitor.records import LoopRow
 from monitor.view_data import Pane, decode_trend, decode_window
 
 HOSTILE = [
@@ -153,6 +155,23 @@ def test_page_tells_old_and_new(loop: Loop) -> None:
     none = view_text.loop_page({**row(loop), "ti": None, "new_ti": None})
     assert "| Ti \\[s\\] | none | **none** |" not in none  # neither had it: no line
     assert "| Ti \\[s\\] | none | **84.0** |" in view_text.loop_page({**row(loop), "ti": None})
+
+
+def test_page_shows_health_and_what_it_means(loop: Loop) -> None:
+    """The figures that the data carry, each with unit and meaning; flags in words; nothing of what is not known."""
+    sick = {**row(loop), "oscillation_period": 155.0, "stiction": None, "flags": ("oscillating", "noisy_op")}
+    page = view_text.loop_page(sick)
+    assert "oscillating, noisy op" in page.replace("\\", "")
+    assert f"| oscillation period \\[s\\] | 155 | {MEANINGS['oscillation_period'].says} |" in page
+    assert MEANINGS["stiction"].says not in page
+    assert "Health" not in view_text.loop_page({"loop": "A", "verdict": "retune"})
+
+
+def test_every_health_figure_has_a_meaning() -> None:
+    """The columns from coverage to compression."""
+    names = list(LoopRow.__struct_fields__)
+    health = names[names.index("coverage") : names.index("compression") + 1]
+    assert sorted(MEANINGS) == sorted(health)
 
 
 @pytest.mark.parametrize(

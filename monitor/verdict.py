@@ -16,7 +16,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any
 
-from tuners.models import IntegratingModel
+import numpy as np
+
+from tuners.models import IntegratingModel, SelfRegulatingModel
+from tuners.settings import Settings
 
 from .health import Health
 from .identify import INTEGRATING
@@ -41,6 +44,8 @@ STICKS = 0.5
 FOLLOWS = 0.5
 """Share of samples at which the set point moves, from which the loop is a cascade's slave or follows a programme."""
 
+SAME_PERIOD = 2.0
+"""Factor between a loop's own period and the one seen, up to which its settings may be the cause."""
 QUIET_OP = 1.0
 """Multiple of the loop's ``op_noise_max`` that noise may put on OP before it is called noisy."""
 
@@ -191,14 +196,21 @@ def _oscillates_otherwise(health: Health, row: LoopRow, loop: Loop) -> str:
 
 
 def _rolls_by_itself(row: LoopRow, loop: Loop) -> bool:
-    """Whether the settings of today explain an oscillation: near instability, or too much integral action."""
-    if row.ms is not None and row.ms > MARGIN * loop.ms_max:
-        return True
-    if row.process != INTEGRATING or row.gain is None:
+    """Whether the settings of today explain an oscillation: a poorly damped loop, and its own period."""
+    if row.ms is None or row.gain is None or row.oscillation_period is None or loop.kp is None:
         return False
-    return bool(
-        trap(loop, loop.canonical_form, IntegratingModel(row.gain, row.dead_time or 0.0, row.lag or 0.0))
-    )
+    dead_time, lag = row.dead_time or 0.0, row.lag or 0.0
+    integrating = row.process == INTEGRATING
+    model = (IntegratingModel if integrating else SelfRegulatingModel)(row.gain, dead_time, lag)
+    if row.ms <= MARGIN * loop.ms_max and not trap(loop, loop.canonical_form, model):
+        return False
+    settings = Settings(loop.kp, loop.ti, loop.td, loop.filter_time, loop.canonical_form)
+    # relative to the period seen; the loop's own is where it amplifies most
+    ratio = np.geomspace(1 / 30, 30, 301)
+    omega = 2 * np.pi / row.oscillation_period * ratio
+    distance = np.abs(1 + model.frequency_response(omega) * settings.frequency_response(omega))
+    own = float(ratio[int(np.argmin(distance))])
+    return 1 / SAME_PERIOD <= own <= SAME_PERIOD
 
 
 def _cycle(row: LoopRow) -> str:

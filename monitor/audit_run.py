@@ -6,7 +6,7 @@ import glob
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -224,7 +224,6 @@ class Audit:
         return [f"no loop of the table is in the data; the table has {have or 'none'}, ..."]
 
     def _about(self, tally: Tally, counts: dict[str, Any]) -> dict[str, Any]:
-        texts = sorted(tally.texts.items(), key=lambda item: (-item[1], item[0]))[:MOST_LISTED]
         return {
             "schema": SCHEMA,
             "versions": {"loopsight": self.version},
@@ -241,7 +240,8 @@ class Audit:
             "times_without_zone": sorted(s.name for s in self.sources if s.clock.naive),
             "inputs": self._inputs(tally),
             "counts": counts,
-            "text_in_values": {"count": tally.bad_texts, "most_frequent": dict(texts)},
+            "text_in_values": {"count": tally.bad_texts, "most_frequent": _most_frequent(tally.texts)},
+            "quality_not_good": _most_frequent(tally.qualities),
             "times_unreadable": sorted(tally.times)[:MOST_LISTED],
             "held_where_empty": {s.name: sorted(s.sparse) for s in self.sources if s.sparse},
             "quality_unknown": sorted(s.name for s in self.sources if not _has_quality(s)),
@@ -315,6 +315,10 @@ def _identity(path: Path, name: str) -> dict[str, Any]:
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return {"name": name, "size": path.stat().st_size, "sha256": digest}
+
+
+def _most_frequent(counts: Mapping[str, int]) -> dict[str, int]:
+    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:MOST_LISTED])
 
 
 def _has_quality(source: Source) -> bool:

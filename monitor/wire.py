@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from .frames import claim
 from .loops import NAME_BYTES, Loop, LoopTable, parse_row
+from .quality import opc_quality, quality_of
 from .records import TIMES, Assessment, Event, LoopRow, Suggestion, Window
-from .samples import GOOD, UNCERTAIN
+from .samples import GOOD
 
 SCHEMA = 1
 FRAME_MIME = "application/vnd.apache.arrow.stream"
@@ -66,7 +67,7 @@ ENTRY = np.dtype(
 class _Tag(msgspec.Struct):
     v: float | bool | str | None = None
     t: float | str | None = None
-    q: float | None = None
+    q: float | bool | str | None = None
 
 
 class _Sample(msgspec.Struct):
@@ -75,7 +76,7 @@ class _Sample(msgspec.Struct):
     pv: float | str | None = None
     op: float | str | None = None
     auto: bool | float | None = None
-    q: float | None = None
+    q: float | bool | str | None = None
 
 
 _decode_tag = msgspec.json.Decoder(_Tag | float | bool | str | None).decode
@@ -132,6 +133,8 @@ class Decoder:
         """The first keys or names that no loop has, with how often they came."""
         self.settings: list[tuple[int, Loop]] = []
         """Settings that arrived since the last call (row, loop with them)."""
+        self.ahead: set[int] = set()
+        """Loops whose last sample was refused as lying in the future: the clock of their source is ahead."""
         self.refused: list[tuple[str, str, str]] = []
         """Payloads refused in the last call, the first of each cause and key: (cause, key, why)."""
         self._complained: set[tuple[str, str]] = set()
@@ -186,10 +189,13 @@ class Decoder:
     def _in_time(self, entries: NDArray[Any], latest: int) -> NDArray[Any]:
         time = entries["time"]
         bad, future = (time < EARLIEST) | (time > LATEST), (time > latest) & (time <= LATEST)
+        if self.ahead and len(entries):
+            self.ahead.difference_update(np.unique(entries["loop"][~(bad | future)]).tolist())
         if not (bad.any() or future.any()):
             return entries
         self.causes["bad_time"] += int(bad.sum())
         self.causes["future"] += int(future.sum())
+        self.ahead.update(np.unique(entries["loop"][future]).tolist())
         return entries[~(bad | future)]
 
     def _single(self, message: Message, out: list[tuple[Any, ...]]) -> None:
@@ -409,16 +415,6 @@ def _times(column: Any) -> NDArray[np.int64]:
 _UNITS = {"ns": 1, "us": 10**3, "ms": 10**6, "s": 10**9}
 
 
-def opc_quality(codes: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Fold codes into OPC's byte as the audit does: NaN (not given) is good, a vendor's upper byte is left out.
-
-    The top bits of an OPC UA status code (32 bits) decide: bad or uncertain.
-    """
-    code = np.where(np.isnan(codes), GOOD, np.clip(codes, -1, 2.0**32 - 1)).astype(np.int64)
-    low = np.where(code < 0, 0, code & 0xFF)
-    return np.select([code >= 0x8000_0000, code >= 0x4000_0000], [0, UNCERTAIN], low).astype(np.uint8)
-
-
 def seconds_to_ns(seconds: NDArray[np.float64]) -> NDArray[np.int64]:
     """Epoch seconds to ns, rounded to the microsecond that a float can hold; 0 where they are none."""
     usable = np.isfinite(seconds) & (np.abs(seconds) < LATEST * 1e-9)
@@ -456,7 +452,7 @@ def _number(value: Any) -> float:
 def _sample_entry(row: int, sample: _Sample, time: int) -> tuple[Any, ...]:
     auto = 1 if sample.auto is None or sample.auto else 0
     return (
-        time_of(sample.t, time), row, SAMPLE, auto, _quality(sample.q),
+        time_of(sample.t, time), row, SAMPLE, auto, quality_of(sample.q),
         _number(sample.sp), _number(sample.pv), _number(sample.op),
     )  # fmt: skip
 
@@ -471,13 +467,7 @@ def _tag_entry(row: int, kind: int, tag: Any, time: int) -> tuple[Any, ...]:
     if kind == TAG_AUTO:
         auto = UNKNOWN if math.isnan(number) else int(number != 0)
     sp, pv, op = (number if kind == k else nan for k in (TAG_SP, TAG_PV, TAG_OP))
-    return (time, row, kind, auto, _quality(quality), sp, pv, op)
-
-
-def _quality(code: float | None) -> int:
-    if code is None:
-        return GOOD
-    return int(code) if 0 <= code <= 255 else int(opc_quality(np.array([code]))[0])
+    return (time, row, kind, auto, quality_of(quality), sp, pv, op)
 
 
 # ---------------------------------------------------------------------------------------------------

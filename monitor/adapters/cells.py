@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.samples import GOOD, UNCERTAIN
+from monitor.quality import opc_quality, quality_of
+from monitor.samples import GOOD
 
 from .rows import UNKNOWN, Tally
 from .times import UNITS
@@ -23,17 +24,6 @@ _MANUAL = "man manual m hand h rout trk iman lo oos false f 0 0.0 no off falsch"
 MODES = {**dict.fromkeys(_AUTOMATIC.split(), 1), **dict.fromkeys(_MANUAL.split(), 0)}
 """Text of a mode, lower case: only AUTO, CAS, RCAS are automatic; what is in neither list is unknown."""
 
-QUALITIES = (
-    ("good", GOOD),
-    ("uncertain", UNCERTAIN),
-    ("questionable", UNCERTAIN),
-    ("substituted", UNCERTAIN),
-    ("true", GOOD),
-    ("false", 0),
-    ("bad", 0),
-)
-"""How a quality's text begins, lower case, and its OPC code; any other text is bad."""
-_UA_UNCERTAIN, _UA_BAD = 0x4000_0000, 0x8000_0000
 _AWARE = re.compile(r"(?:Z|[+-]\d\d:?\d\d|[+-]\d\d)$")
 _DOTTED = r"^(\d{1,2})\.(\d{1,2})\.(\d{4})"
 
@@ -110,32 +100,28 @@ def modes(array: Any, tally: Tally) -> NDArray[np.int8]:
     return _by_text(array, mode, UNKNOWN).astype(np.int8)
 
 
-def qualities(array: Any) -> NDArray[np.uint8]:
-    """Read the quality as an OPC code, from a code (OPC, OPC UA), a text or a bool; an empty cell is good."""
+def qualities(array: Any, tally: Tally) -> NDArray[np.uint8]:
+    """Read the quality as an OPC code, from a code (OPC, OPC UA), a text or a bool; an empty cell is good.
+
+    What is not good is kept in the tally, as it stood there.
+    """
     array = plain(array)
     if str(array.type) == "bool":
-        good = array.fill_null(True).cast("uint8").to_numpy(zero_copy_only=False)
-        return np.asarray(good * np.uint8(GOOD), dtype=np.uint8)
+        array = array.cast("string")
     if not is_text(array):
-        return _opc(numbers(array, Tally()))
+        codes = numbers(array, Tally())
+        out = opc_quality(codes)
+        for code, times in zip(*np.unique(codes[out < GOOD], return_counts=True), strict=True):
+            tally.quality(f"{code:.15g}", int(times))
+        return out
 
-    def quality(text: str, _times: int) -> int:
-        text = text.strip().lower()
-        if not text:
-            return GOOD
-        try:
-            return int(_opc(np.array([float(text)]))[0])
-        except ValueError:
-            return next((code for start, code in QUALITIES if text.startswith(start)), 0)
+    def quality(text: str, times: int) -> int:
+        code = quality_of(text)
+        if code < GOOD:
+            tally.quality(text.strip(), times)
+        return code
 
     return _by_text(array, quality, GOOD).astype(np.uint8)
-
-
-def _opc(codes: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Fold wider codes into OPC's byte: a vendor's upper byte is left out, OPC UA's top bits decide."""
-    code = np.where(np.isnan(codes), GOOD, np.clip(codes, -1, 2.0**32 - 1)).astype(np.int64)
-    low = np.where(code < 0, 0, code & 0xFF)
-    return np.select([code >= _UA_BAD, code >= _UA_UNCERTAIN], [0, UNCERTAIN], low).astype(np.uint8)
 
 
 def _by_text(array: Any, meaning: Callable[[str, int], int], missing: int) -> NDArray[np.int64]:

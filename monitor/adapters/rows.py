@@ -89,6 +89,8 @@ class Tally:
     """Values that were text."""
     texts: dict[str, int] = field(default_factory=dict)
     """The texts, as they stood there."""
+    qualities: dict[str, int] = field(default_factory=dict)
+    """Qualities that are not good, as they stood there."""
     times: set[str] = field(default_factory=set)
     """What stood in place of a time."""
     loop_rows: dict[str, int] = field(default_factory=dict)
@@ -107,6 +109,10 @@ class Tally:
         self.bad_texts += times
         _bounded(self.texts, value, times)
 
+    def quality(self, value: str, times: int) -> None:
+        """Count a quality that is not good."""
+        _bounded(self.qualities, value, times)
+
     def time(self, value: object) -> None:
         """Remember what stood in place of a time."""
         if len(self.times) < MOST_TEXTS:
@@ -121,7 +127,11 @@ class Tally:
         """Take in another task's tally; several tasks may have read the same lines of a file."""
         for name in ("rows", "bad_time", "outside", "duplicate", "conflict", "bad_texts"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
-        for counts, more in ((self.loop_rows, other.loop_rows), (self.texts, other.texts)):
+        for counts, more in (
+            (self.loop_rows, other.loop_rows),
+            (self.texts, other.texts),
+            (self.qualities, other.qualities),
+        ):
             for key, n in more.items():
                 counts[key] = counts.get(key, 0) + n
         self.unknown |= other.unknown

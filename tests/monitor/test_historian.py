@@ -389,10 +389,14 @@ def test_modes_and_qualities_in_every_spelling() -> None:
     assert modes(pa.array([True, False, None]), Tally()).tolist() == [1, 0, -1]
     assert modes(pa.array([1.0, 0.0, None]), Tally()).tolist() == [1, 0, -1]
     words = ["Good", "Bad", "Uncertain", "192", "24.0", "I/O Timeout", "", None, "Questionable"]
-    assert qualities(pa.array(words)).tolist() == [192, 0, 64, 192, 24, 0, 192, 192, 64]
-    assert qualities(pa.array([True, False, None])).tolist() == [192, 0, 192]
+    tally = Tally()
+    assert qualities(pa.array(words), tally).tolist() == [192, 0, 64, 192, 24, 0, 192, 192, 64]
+    assert tally.qualities == {"Bad": 1, "Uncertain": 1, "24.0": 1, "I/O Timeout": 1, "Questionable": 1}
+    assert qualities(pa.array([True, False, None]), Tally()).tolist() == [192, 0, 192]
     codes = [192, 216, 64, 0, None, 0x80000000, 0x40000000, 0x1C0, -1]
-    assert qualities(pa.array(codes)).tolist() == [192, 216, 64, 0, 192, 0, 64, 192, 0]
+    tally = Tally()
+    assert qualities(pa.array(codes), tally).tolist() == [192, 216, 64, 0, 192, 0, 64, 192, 0]
+    assert tally.qualities == {"64": 1, "0": 1, "2147483648": 1, "1073741824": 1, "-1": 1}
 
 
 def test_extreme_values_pass_unchanged(tmp_path: Path) -> None:

@@ -1,0 +1,48 @@
+"""What a sample's quality says: codes of OPC and OPC UA, and the words of historians and gateways."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .samples import GOOD, UNCERTAIN
+
+BAD = 0
+WORDS = (
+    ("good", GOOD),
+    ("uncertain", UNCERTAIN),
+    ("questionable", UNCERTAIN),
+    ("substituted", UNCERTAIN),
+    ("true", GOOD),
+    ("false", BAD),
+    ("bad", BAD),
+)
+"""How a quality's text begins, lower case, and its OPC code; any other text is bad."""
+_UA_UNCERTAIN, _UA_BAD = 0x4000_0000, 0x8000_0000
+
+
+def opc_quality(codes: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Fold codes into OPC's byte: NaN (not given) is good, a vendor's upper byte is left out.
+
+    The top bits of an OPC UA status code (32 bits) decide: bad or uncertain.
+    """
+    code = np.where(np.isnan(codes), GOOD, np.clip(codes, -1, 2.0**32 - 1)).astype(np.int64)
+    low = np.where(code < 0, BAD, code & 0xFF)
+    return np.select([code >= _UA_BAD, code >= _UA_UNCERTAIN], [BAD, UNCERTAIN], low).astype(np.uint8)
+
+
+def quality_of(code: float | str | None) -> int:
+    """Return the OPC byte of one quality, as a code, a word or a bool; nothing and an empty text are good."""
+    if code is None or code == "":
+        return GOOD
+    if isinstance(code, bool):
+        return GOOD if code else BAD
+    if isinstance(code, str):
+        text = code.strip().lower()
+        if not text:
+            return GOOD
+        try:
+            code = float(text)
+        except ValueError:
+            return next((found for start, found in WORDS if text.startswith(start)), BAD)
+    return int(code) if 0 <= code <= 255 else int(opc_quality(np.array([code], np.float64))[0])

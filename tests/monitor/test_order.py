@@ -58,6 +58,8 @@ class Twin:
     """Sort, then walk: what any order of arrival within the window must give."""
 
     last: dict = field(default_factory=dict)
+    duplicate: int = 0
+    conflict: int = 0
 
     def run(self, arrivals) -> list[tuple]:
         out = []
@@ -77,9 +79,12 @@ class Twin:
                 continue
             if kind == TAG_PV:
                 values = hold[TAG_SP][1], values[1], hold[TAG_OP][1], bool(hold[TAG_AUTO][1])
-            out.append(
-                (int(x["loop"]), time, *(None if math.isnan(v) else v for v in values), int(x["quality"]))
-            )
+            row = (int(x["loop"]), time, *(None if math.isnan(v) else v for v in values), int(x["quality"]))
+            if out and out[-1][:2] == row[:2]:
+                self.duplicate += 1
+                self.conflict += out[-1][2:5] != row[2:5]
+            else:
+                out.append(row)
         return out
 
 
@@ -116,21 +121,23 @@ def test_any_order_within_the_window_is_the_sorted_one(drawn):
     arrived, cuts = drawn
     order = Order(3)
     got = by_loop(through(order, np.split(arrived, cuts)))
-    assert got == by_loop(Twin().run(arrived))
+    twin = Twin()
+    assert got == by_loop(twin.run(arrived))
+    assert (order.duplicate, order.conflict) == (twin.duplicate, twin.conflict)
     assert order.late == 0
     assert order.waiting == 0
 
 
 @given(arrivals_within(), st.integers(0, 2**32 - 1))
 @settings(max_examples=200, deadline=None)
-def test_every_sample_comes_out_or_is_late(drawn, seed):
-    """Of arrivals in any order at all, good ones come out in order, and each is out or counted late."""
+def test_every_sample_comes_out_or_is_counted(drawn, seed):
+    """Of arrivals in any order at all, good ones come out in order, and each is out, late or a repeat."""
     arrived, cuts = drawn
     arrived = arrived[(arrived["kind"] == SAMPLE) | (arrived["kind"] == TAG_PV)]
     arrived = np.random.default_rng(seed).permutation(arrived)
     order = Order(3, window=0.5)
     got = through(order, np.split(arrived, cuts))
-    assert len(got) + order.late == len(arrived)
+    assert len(got) + order.late + order.duplicate == len(arrived)
     for loop in range(3):
         good = [r[1] for r in got if r[0] == loop and r[6] >= UNCERTAIN and None not in r[2:5]]
         assert good == sorted(good)
@@ -194,20 +201,42 @@ def test_bad_entries_let_go_by_the_clock_do_not_make_good_ones_late():
     assert order.late == 0
 
 
-def test_more_than_is_held_shortens_the_window_but_loses_nothing():
-    """A loop faster than the room: all out, in order."""
+@pytest.mark.parametrize("rate", [25, 100, 1000])
+def test_a_fast_loop_has_the_room_that_its_window_needs(rate):
+    """Tags of 25 to 1000 samples a second, disturbed over the whole window: sorted, none late, none let go early."""
+    n = 3 * rate
+    kinds = (TAG_SP, TAG_OP, TAG_PV) if rate < 1000 else (TAG_PV,)
+    rows = [entry(k / rate, kind, sp=k, pv=k, op=k) for k in range(n) for kind in kinds]
+    delay = np.random.default_rng(rate).uniform(0, 1.99, len(rows))
+    order = np.argsort([(r[0] - T0) / SECOND + d for r, d in zip(rows, delay, strict=True)])
+    arrived = entries(*(rows[k] for k in order))
+    o = Order(2)
+    got = through(o, np.array_split(arrived, 7))
+    assert [r[3] for r in got] == list(range(n))
+    assert all(r[2] == r[4] == r[3] for r in got if len(kinds) > 1)
+    assert (o.late, o.crowded, o.waiting) == (0, 0, 0)
+    assert len(through(o, [entries(entry(1, loop=1))])) == 1
+
+
+def test_more_than_there_is_room_for_shortens_the_window_and_is_counted(monkeypatch):
+    """Faster than any room, or too many such loops: all in order go through, and what had to go early is counted."""
+    monkeypatch.setattr("monitor.order.MOST_WIDE", 0)
     order = Order(1)
     fast = entries(*(entry(0.01 * k) for k in range(300)))
-    assert len(through(order, [fast[::-1][:HELD][::-1], *np.split(fast[236:], 4)])) == 2 * HELD
-    order = Order(1)
     got = through(order, [fast[k : k + 7] for k in range(0, 300, 7)])
     assert times(got) == sorted(times(got))
     assert len(got) == 300
     assert order.late == 0
+    assert order.crowded > 0
+    order = Order(1)
+    got = through(order, [entries(entry(0.5), *fast[::-1].tolist())])
+    assert len(got) + order.late + order.duplicate == 301
+    assert order.crowded > 0
 
 
-def test_an_old_one_into_a_full_house_stays_in_order():
+def test_an_old_one_into_a_full_house_stays_in_order(monkeypatch):
     """With all room taken an entry older than all of it goes out first."""
+    monkeypatch.setattr("monitor.order.MOST_WIDE", 0)
     order = Order(1)
     full = entries(*(entry(1.0 + 0.01 * k) for k in range(HELD)))
     first = order.push(full, 0.0)
@@ -257,13 +286,76 @@ def test_a_bad_tag_leaves_the_last_good_one():
     assert got[0][2:6] == (50.0, 1.0, 10.0, False)
 
 
-def test_of_equal_times_the_first_tag_is_kept():
-    """Two set points at one instant: the first to come; so it is for samples, whose repeats the engine drops."""
+def test_of_equal_times_the_first_is_kept():
+    """Two set points or samples at one instant: the first to come, be it good or bad; differences are counted."""
     order = Order(1)
     got = through(order, [entries(entry(0, TAG_SP, sp=1.0), entry(0, TAG_SP, sp=2.0), entry(0, TAG_PV))])
     assert got[0][2] == 1.0
-    got = through(Order(1), [entries(entry(0, pv=1.0), entry(0, pv=2.0))])
-    assert [r[3] for r in got] == [1.0, 2.0]
+    for first in (1.0, NAN):
+        order = Order(1)
+        got = through(
+            order, [entries(entry(0, pv=first), entry(0, pv=2.0), entry(0, pv=first)), entries(entry(1))]
+        )
+        assert [r[3] for r in got] == [None if math.isnan(first) else first, 2.0]
+        assert times(got) == [0, 1]
+        assert (order.duplicate, order.conflict) == (2, 1)
+
+
+def test_a_repeat_of_what_has_gone_out_is_dropped():
+    """The clock let go of a sample, and then it comes again."""
+    order = Order(1)
+    order.push(entries(entry(0, pv=NAN), entry(1)), 0.0)
+    assert times(rows_of(order.release(0.0))) == [0, 1]
+    assert times(through(order, [entries(entry(1), entry(1, pv=7.0), entry(2))])) == [2]
+    assert (order.duplicate, order.conflict, order.late) == (2, 1, 0)
+
+
+# ---------------------------------------------------------------------------------------------------
+# clocks
+
+
+def test_a_clock_that_is_set_back_is_followed_after_a_while():
+    """An hour back: late for half a minute, then taken as it is; what was held goes out first, and it is said when."""
+    order = Order(1)
+    out = [order.push(entries(entry(3600 + k)), k) for k in range(10)]
+    found = []
+    for k in range(60):
+        out.append(order.push(entries(entry(10 + k)), 10.0 + k))
+        found += [(len(out) - 1, n, loop, (first - T0) / SECOND) for n, loop, first in order.stepped]
+    out.append(order.release(math.inf))
+    assert found == [(40, 3, 0, 10.0)]
+    got = times(rows_of(join(out)))
+    assert got == [3600 + k for k in range(10)] + [40 + k for k in range(30)]
+    assert (order.late, order.steps) == (30, 1)
+
+
+def test_tags_follow_a_clock_that_is_set_back():
+    """The set point's earlier times hold again."""
+    order = Order(1)
+    order.push(entries(entry(3600, TAG_SP, sp=1.0), entry(3600, TAG_OP, op=1.0), entry(3600, TAG_PV)), 0.0)
+    out = []
+    for k in range(50):
+        tags = [entry(k, kind, sp=k, op=k) for kind in (TAG_SP, TAG_OP, TAG_PV)]
+        out.append(order.push(entries(*tags), float(k)))
+    got = rows_of(join([*out, order.release(math.inf)]))
+    assert [r[2] for r in got[-5:]] == [45.0, 46.0, 47.0, 48.0, 49.0]
+    assert order.steps == 1
+
+
+def test_a_replayed_batch_and_stragglers_are_late():
+    """Old ones in a burst, or between those of today, never turn time back; bad ones do not count for it."""
+    order = Order(1)
+    order.push(entries(entry(3600)), 0.0)
+    order.push(entries(*(entry(k) for k in range(1000))), 20.0)
+    order.push(entries(entry(3630)), 30.0)
+    for k in range(100):
+        order.push(entries(entry(3631 + k), entry(k)), 31.0 + k)
+    late = order.late
+    for k in range(100):
+        order.push(entries(entry(5 + k, pv=NAN), entry(5 + k, TAG_SP, sp=NAN)), 200.0 + k)
+    assert order.steps == 0
+    assert late == 1100
+    assert order.late == late + 200
 
 
 def test_a_late_set_point_holds_from_then_on():

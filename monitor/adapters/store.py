@@ -1,6 +1,8 @@
 """SQLite: what has been said, kept before it is said.
 
-One transaction a tick (WAL, ``synchronous=FULL``): what is committed survives a kill at any instant.
+One transaction a tick (WAL, ``synchronous=FULL``): what is committed survives a kill at any instant. What is old
+goes when it is older than the store is to reach back, or when the store has grown beyond its size, oldest first;
+by when it was kept, not by its own time, for a replay of past years is as new as what happens now.
 """
 
 from __future__ import annotations
@@ -18,10 +20,21 @@ CREATE TABLE IF NOT EXISTS assessment
 CREATE INDEX IF NOT EXISTS assessment_of ON assessment (key, start);
 CREATE TABLE IF NOT EXISTS suggestion (number INTEGER PRIMARY KEY, key TEXT NOT NULL, json BLOB NOT NULL);
 CREATE TABLE IF NOT EXISTS loop (key TEXT PRIMARY KEY, json BLOB NOT NULL);
+CREATE TABLE IF NOT EXISTS day (number INTEGER PRIMARY KEY, event INTEGER, assessment INTEGER, suggestion INTEGER);
 """
 VERSION = 1
 PATIENCE = 0.25
 """How long a lock of somebody else's may hold up the tick [s]."""
+
+
+KEEP_DAYS = 730.0
+"""How far back what was kept reaches [days]."""
+KEEP_BYTES = 4 * 2**30
+"""How much it may be: about 200,000 events with their evidence."""
+AT_ONCE = 200
+"""Records that one `tidy` removes at most: a few milliseconds."""
+_DAY = 86_400 * 10**9
+_GROWING = ("event", "assessment", "suggestion")
 
 
 class StoreError(OSError):
@@ -36,16 +49,31 @@ class Store:
     folder
         Made where it is missing; holds ``loopsight.sqlite``.
 
+    keep_days, keep_bytes
+        What is older, or more, is removed by `tidy`.
+
     Raises
     ------
     StoreError
-        The folder or the file cannot be used.
+        The folder or the file cannot be used, or another monitor uses it.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, keep_days: float = KEEP_DAYS, keep_bytes: int = KEEP_BYTES) -> None:
         self.path = folder / "loopsight.sqlite"
+        self.keep_days, self.keep_bytes = keep_days, keep_bytes
         try:
             folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StoreError(f"{self.path}: {error}") from None
+        self._lock = _lock(folder)
+        try:
+            self._open()
+        except StoreError:
+            self._lock.close()
+            raise
+
+    def _open(self) -> None:
+        try:
             self._db = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
             self._db.execute("PRAGMA journal_mode=WAL")
             self._db.execute("PRAGMA synchronous=FULL")
@@ -129,6 +157,69 @@ class Store:
         names = ("event", "assessment", "suggestion")
         return {n: int(self._read(f"SELECT count(*) FROM {n}")[0][0]) for n in names}  # noqa: S608 (our own names)
 
+    def tidy(self, now: int) -> bool:
+        """Remove some of what is too old or too much; True if there may be more of it.
+
+        Parameters
+        ----------
+        now
+            Wall time [ns since 1970].
+
+        Raises
+        ------
+        StoreError
+            Disk full, read-only, damaged.
+        """
+        with self.transaction():
+            today = now // _DAY
+            latest = (self._read(f"SELECT coalesce(max(rowid), 0) FROM {t}")[0][0] for t in _GROWING)  # noqa: S608
+            self._db.execute("INSERT OR REPLACE INTO day VALUES (?, ?, ?, ?)", (today, *latest))
+            old = self._read(
+                "SELECT number, event, assessment, suggestion FROM day WHERE number < ? ORDER BY number DESC LIMIT 1",
+                (today - self.keep_days,),
+            )
+            removed = 0
+            for name, last in zip(_GROWING, old[0][1:] if old else (), strict=False):
+                removed += self._remove(name, "rowid <= ?", (last,))
+            if old and not removed:  # what that day ended with is gone
+                self._db.execute("DELETE FROM day WHERE number <= ?", (old[0][0],))
+            while self.size > self.keep_bytes and removed < AT_ONCE:
+                gone = self._remove("assessment", "1", most=10) or self._remove("event", "1")
+                removed += gone
+                if not gone:
+                    break
+        return removed > 0
+
+    def _remove(self, name: str, which: str, values: tuple[Any, ...] = (), most: int = AT_ONCE) -> int:
+        """Remove the oldest of a table's rows."""
+        oldest = f"SELECT rowid FROM {name} WHERE {which} ORDER BY rowid LIMIT {most}"  # noqa: S608 (our own names)
+        return self._db.execute(f"DELETE FROM {name} WHERE rowid IN ({oldest})", values).rowcount  # noqa: S608
+
+    @property
+    def size(self) -> int:
+        """What is kept [bytes]; room that has become free is used again, so that the file does not outgrow it."""
+        pages, free, size = (
+            int(self._read(f"PRAGMA {n}")[0][0]) for n in ("page_count", "freelist_count", "page_size")
+        )
+        return (pages - free) * size
+
     def close(self) -> None:
         """Close the file."""
         self._db.close()
+        self._lock.close()
+
+
+def _lock(folder: Path) -> sqlite3.Connection:
+    """Keep other monitors out for as long as this connection is open; a kill opens it."""
+    path = folder / "loopsight.lock"
+    try:
+        lock = sqlite3.connect(path, timeout=0.0, isolation_level=None)
+    except sqlite3.Error as error:
+        raise StoreError(f"{path}: {error}") from None
+    try:
+        lock.execute("BEGIN EXCLUSIVE")
+    except sqlite3.Error as error:
+        lock.close()
+        why = "another monitor uses this folder" if "locked" in str(error) else str(error)
+        raise StoreError(f"{path}: {why}") from None
+    return lock

@@ -130,6 +130,71 @@ def test_files_that_are_none(tmp_path):
         Store(tmp_path / "c")
 
 
+def test_a_second_monitor_is_kept_out(tmp_path):
+    """One store at a time for a folder; one line says so; after the first is closed, or killed, the next may."""
+    store = Store(tmp_path)
+    with pytest.raises(StoreError, match=r"loopsight\.lock: another monitor uses this folder"):
+        Store(tmp_path)
+    keep(store, 1)
+    store.close()
+    Store(tmp_path).close()
+
+
+DAY = 86_400 * 10**9
+
+
+def test_what_is_too_old_is_removed_a_little_at_a_time(tmp_path, monkeypatch):
+    """By when it was kept, not by its own time; rows of loops stay."""
+    remove = Store._remove
+    monkeypatch.setattr(Store, "_remove", lambda self, *which: remove(self, *which, most=7))
+    store = Store(tmp_path, keep_days=30)
+    for day in range(100):
+        with store.transaction():
+            store.keep_event(f"e{day}", "plant/L", 10, b"")
+            store.keep_assessment(f"a{day}", "plant/L", 1000 - day, b"", b"")
+            store.keep_suggestion("plant/L", b"")
+            store.keep_row("plant/L", b"row")
+        if day < 50:
+            assert store.tidy(day * DAY) == (day > 30)
+    assert store.counts()["assessment"] == 100 - 19
+    turns = 0
+    while store.tidy(99 * DAY):
+        turns += 1
+    assert turns > 1
+    assert set(store.counts().values()) == {50}  # days on which nobody looked go with the next one
+    assert store.assessments("plant/L")[-1][0] == "a50"
+    assert store.rows() == {"plant/L": b"row"}
+    store.close()
+
+
+def test_what_is_too_much_is_removed(tmp_path):
+    """The oldest go until the size is right, and the file does not grow beyond it."""
+    store = Store(tmp_path, keep_bytes=500_000)
+    for k in range(400):
+        with store.transaction():
+            store.keep_event(f"{k}", "plant/L", k, b"x" * 100)
+            store.keep_assessment(f"{k}", "plant/L", k, b"x" * 500, b"w" * 5000)
+        if k % 50 == 0:
+            while store.tidy(DAY):
+                pass
+    while store.tidy(DAY):
+        pass
+    assert store.size <= 500_000
+    assert store.path.stat().st_size < 1_000_000
+    assert store.counts()["assessment"] > 30
+    assert store.assessments("plant/L")[-1][0] == "399"
+    store.close()
+
+
+def test_tidying_a_store_that_fails_is_an_error_of_one_line(store):
+    """Nothing is removed, and nothing else happens."""
+    keep(store, 1)
+    store._db.execute("PRAGMA query_only=ON")
+    with pytest.raises(StoreError, match="readonly"):
+        store.tidy(1000 * DAY)
+    assert store.counts()["assessment"] == 1
+
+
 WRITER = """
 import sys
 from pathlib import Path

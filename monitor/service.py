@@ -20,11 +20,14 @@ from numpy.typing import NDArray
 
 from .adapters.store import Store, StoreError
 from .config import Config
+from .detect import Detector
 from .engine import Engine
 from .loops import NAME_BYTES, Loop, LoopTable
 from .order import Order
 from .records import RETUNE, WORST_FIRST, Assessment, Event, LoopRow, Record, Suggestion, Window
+from .rows import worst_first
 from .samples import Samples
+from .state import BY_GAP
 from .wire import (
     FRAME_MIME,
     JSON_MIME,
@@ -65,8 +68,14 @@ RETRY = 1.0
 """Pause before a store that failed is tried again [s]."""
 MOST_UNKEPT = 10_000
 """Records that wait for a store that fails; beyond, the oldest are given up and counted."""
-STALE_PERIODS = 3.0
-"""Sample periods without a sample after which a loop counts as stale (and at least ten seconds)."""
+STALE_PERIODS, STALE_SECONDS = 3.0, 10.0
+"""Sample periods without a good sample, and the least time [s], after which a loop counts as stale."""
+STALE_EVERY = 1.0
+"""Between two looks at who has fallen silent [s]."""
+TIDY_EVERY = 60.0
+"""Between two looks at what is too old or too much in the store [s]."""
+MOST_NAMED = 20
+"""Names in a line of the log or a list of the status."""
 
 
 class Bus(Protocol):
@@ -74,6 +83,7 @@ class Bus(Protocol):
 
     ring: Any
     questions: deque[Any]
+    unsaid: int
 
     def say(self, key: str, payload: bytes, encoding: str) -> None:
         """Publish."""
@@ -126,7 +136,10 @@ class Service:
         self.order = Order(len(loops), config.reorder_window)
         register = self._register if config.auto_register or not config.loops else None
         self.decoder = Decoder(loops, register)
-        self.ready = True
+        self.stores = True
+        """Whether what is found can be kept."""
+        self.silent = False
+        """Whether all loops that were heard have fallen silent: not one of them, but the line to them."""
         self.given_up = 0
         """Records lost because the store failed for too long."""
         self._heard = heard
@@ -138,6 +151,10 @@ class Service:
         self._flagged: set[int] = set()
         self._trend: list[Samples] = []
         self._next_status = self._next_trend = self._next_release = self._next_watch = monotonic()
+        self._next_stale = monotonic()
+        self._next_tidy = monotonic() + TIDY_EVERY
+        self._stale: set[int] = set()
+        self._latency = 0.0
         self._watched = np.zeros(0, np.bool_)
         self._last = (monotonic(), 0, 0)
         self._rates = (0.0, 0.0)
@@ -149,22 +166,34 @@ class Service:
         """Work off what has come in; return the number of messages."""
         messages = self.bus.ring.take(MOST_MESSAGES, MOST_BYTES)
         now = self._monotonic()
-        samples = self._samples(messages, now)
-        records = [record for batch in samples for record in self._detect(batch)]
-        records = [*self._closed_by_settings, *records, *self._assess(ASSESS_TIME)]
-        self._closed_by_settings = []
+        if messages:
+            self._latency = max(self._latency, (self._clock() - messages[0].time) * 1e-9)
+        samples, records = self._take_in(messages, now)
+        records += self._assess(ASSESS_TIME)
         self._publish(records)
         self._tell(records)
         self._show(samples, now)
         self._answer()
+        if now >= self._next_stale:
+            self._next_stale = now + STALE_EVERY
+            self._look_for_silence(now)
+        if now >= self._next_tidy and self.stores:
+            self._tidy(now)
         if now >= self._next_status:
             self._next_status = now + STATUS_EVERY
             self.bus.say(f"{PREFIX}/@/{self.config.id}/status", to_json(self.status()), JSON_MIME)
+            self._latency = 0.0
         return len(messages)
 
-    def _samples(self, messages: list[Message], now: float) -> list[Samples]:
-        """Decode and put in order; what nothing newer has followed for the window's length is let go."""
-        batches = []
+    @property
+    def ready(self) -> bool:
+        """Whether what comes in is heard, and what is found is kept."""
+        return self.stores and not self.silent
+
+    def _take_in(self, messages: list[Message], now: float) -> tuple[list[Samples], list[Record]]:
+        """Decode, put in order and detect; what nothing newer has followed for the window's length is let go."""
+        batches: list[Samples] = []
+        records: list[Record] = []
         if messages:
             latest = self._clock() + round(self.config.future * 1e9)
             entries = self.decoder.decode(messages, latest)
@@ -172,16 +201,38 @@ class Service:
             if len(self.loops) > len(self.order.state):
                 self.order.grow(max(2 * len(self.loops), 64))
             for row, loop in self.decoder.settings:
-                self._closed_by_settings += self.engine.retuned(row, loop)
-                self._flagged.discard(row)
-                self._old_rows.pop(loop.key, None)
+                records += self._retuned(row, loop)
             for cause, key, why in self.decoder.refused:
                 log.warning("%s: %s: %s", cause, plain(key), plain(why))
-            batches.append(self.order.push(entries, now))
+            samples, at = self.order.push(entries, now), 0
+            for place, row, first in self.order.stepped:
+                batches.append(samples.take(slice(at, place)))
+                records += [*self.engine.detect(batches[-1]), *self._set_back(row, first)]
+                at = place
+            batches.append(samples.take(slice(at, None)))
+            records += self.engine.detect(batches[-1])
         if now >= self._next_release:  # looks at every loop: not at every tick
             self._next_release = now + RELEASE_EVERY
             batches.append(self.order.release(now - max(self.config.reorder_window, 0.1)))
-        return [b for b in batches if len(b)]
+            records += self.engine.detect(batches[-1])
+        return [b for b in batches if len(b)], records
+
+    def _retuned(self, row: int, loop: Loop) -> list[Record]:
+        """Go over to a loop's new settings, ranges and period."""
+        records = self.engine.retuned(row, loop)
+        self.engine.detector.param[row] = Detector([self.loops[row]]).param[0]
+        self._flagged.discard(row)
+        self._old_rows.pop(loop.key, None)
+        return records
+
+    def _set_back(self, row: int, first: int) -> list[Record]:
+        """Begin anew at an earlier time, ``first`` [ns]: what was late since then is a gap."""
+        log.warning(
+            "%s: its clock was set back to %s; it begins anew", plain(self.loops[row].name), iso(first)
+        )
+        found = self.engine.detector.flush([row], BY_GAP)
+        self.engine.detector.state["time"][row] = first
+        return self.engine._take(found)  # noqa: SLF001 (the engine has no word for it yet)
 
     def _register(self, name: str, key: str) -> int | None:
         """Watch a loop that is in no table."""
@@ -193,9 +244,6 @@ class Service:
             return self.loops.add(Loop(name=name, key=key))
         except ValueError:
             return None
-
-    def _detect(self, samples: Samples) -> list[Record]:
-        return self.engine.detect(samples)
 
     def _assess(self, seconds: float) -> list[Record]:
         """Assess closed events for about this long; the rest waits for the next tick."""
@@ -217,24 +265,33 @@ class Service:
         while len(self._unkept) > MOST_UNKEPT:
             self._unkept.popleft()
             self.given_up += 1
-        if not self.ready and self._monotonic() < self._retry:
+        if not self.stores and self._monotonic() < self._retry:
             return
         try:
             with self.store.transaction():
                 for said in self._unkept:
                     said.keep(self.store)
         except StoreError as error:
-            if self.ready:
+            if self.stores:
                 log.error("store: %s; nothing is published until it is back", error)  # noqa: TRY400 (one line)
-            self.ready = False
+            self.stores = False
             self._retry = self._monotonic() + RETRY
             return
-        if not self.ready:
+        if not self.stores:
             log.warning("store: back; %d records were waiting", len(self._unkept))
-            self.ready = True
+            self.stores = True
         for said in self._unkept:
             self.bus.say(said.key, said.payload, said.encoding)
         self._unkept.clear()
+
+    def _tidy(self, now: float) -> None:
+        """Remove what is too old from the store, a little at a time."""
+        more = False
+        try:
+            more = self.store.tidy(self._clock())
+        except StoreError as error:
+            log.debug("store: %s; nothing old is removed", error)  # `_publish` says it where it matters
+        self._next_tidy = now + (STALE_EVERY if more else TIDY_EVERY)
 
     def _tell(self, records: list[Record]) -> None:
         if self._heard is not None:
@@ -268,7 +325,7 @@ class Service:
         number = self.loops.by_name[record.loop]
         key, payload = self.loops[number].key, encode_record(record)
         evidence = encode_window(window, record.verdict, record.reason)
-        row = self.engine.row(number)
+        row = self.row(number)
         row_json = encode_record(row)
         log.log(
             logging.INFO if record.verdict == RETUNE else logging.DEBUG,
@@ -359,7 +416,7 @@ class Service:
         """Return a loop's row: of this run, or the last one kept of an earlier run."""
         if self.engine.verdict(number) is None and loop.key in self._old_rows:
             return self._old_rows[loop.key]
-        return encode_record(self.engine.row(number))
+        return encode_record(self.row(number))
 
     def _history(self, question: Any) -> list[tuple[str, bytes, str]]:
         """Return stored assessments of the loops asked for, one key each."""
@@ -392,7 +449,8 @@ class Service:
             "missed_frames",
             "repeated_frames",
         )
-        counts["late"] += self.order.late
+        for name in ("late", "duplicate", "conflict"):
+            counts[name] += getattr(self.order, name)
         now = self._monotonic()
         self._measure(now, ok)
         verdicts = [self.engine.verdict(k) or WORST_FIRST[-1] for k in range(len(self.loops))]
@@ -401,11 +459,12 @@ class Service:
             "time": iso(self._clock()),
             "uptime": round(now - self._started, 1),
             "ready": self.ready,
+            "not_ready": [why for why, so in (("store", not self.stores), ("silent", self.silent)) if so],
             "loops": {
                 "total": len(self.loops),
                 **{v: verdicts.count(v) for v in WORST_FIRST},
                 "open": int((self.engine.detector.state["slot"] >= 0).sum()),
-                "stale": self._stale(now),
+                "stale": len(self._stale),
             },
             "flagged": [self.loops[k].name for k in sorted(self._flagged)[:100]],
             "messages": self.bus.ring.received,
@@ -413,13 +472,20 @@ class Service:
             "samples_ok": ok,
             **counts,
             **{cause: self.decoder.causes[cause] for cause in causes},
+            "clock_steps": self.order.steps,
+            "clock_ahead": [self.loops[k].name for k in sorted(self.decoder.ahead)[:MOST_NAMED]],
+            "stale": [self.loops[k].name for k in sorted(self._stale)[:MOST_NAMED]],
+            "disturbances": self.engine.disturbances,
             "unknown": dict(self.decoder.unknown.most_common(20)),
             "rates": {"messages": round(self._rates[0], 1), "samples": round(self._rates[1], 1)},
             "queue": len(self.bus.ring),
+            "latency": round(self._latency, 3),
             "held": self.order.waiting,
+            "crowded": self.order.crowded,
             "backlog": self.engine.backlog,
             "waiting_for_store": len(self._unkept),
             "given_up": self.given_up,
+            "unsaid": self.bus.unsaid,
         }
 
     def _measure(self, now: float, ok: int) -> None:
@@ -430,16 +496,40 @@ class Service:
             self._rates = ((received - messages) / (now - then), (ok - samples) / (now - then))
             self._last = (now, received, ok)
 
-    def _stale(self, now: float) -> int:
-        """Count loops that sent something once and nothing for three periods."""
-        n = len(self.loops)
-        order, state = self.order.state[:n], self.engine.detector.state
-        limit = np.maximum(STALE_PERIODS * state["period"], 10.0)
-        return int(((state["seen"] > 0) & (now - order["arrival"] > limit)).sum())
+    def _look_for_silence(self, now: float) -> None:
+        """Notice loops that sent something once and nothing good for three periods; say what has changed, in a line."""
+        n = len(self.engine.detector.state)
+        state = self.engine.detector.state
+        limit = np.maximum(STALE_PERIODS * state["period"], STALE_SECONDS)
+        heard = state["seen"] > 0
+        found = set(np.flatnonzero(heard & (now - self.order.state["arrival"][:n] > limit)).tolist())
+        silent = bool(found) and len(found) == int(heard.sum())
+        if silent != self.silent:
+            self.silent = silent
+            self._next_status = now  # said at once, and once: not for each loop
+            log.warning("%s", "no samples of any loop: not ready" if silent else "samples are back")
+        elif not silent:
+            for what, rows in (("stale", found - self._stale), ("heard again", self._stale - found)):
+                if rows:
+                    log.warning("%s: %s", what, self._named(rows))
+        self._stale = found
+
+    def _named(self, rows: Iterable[int]) -> str:
+        """Name loops in a line, the first of them."""
+        names = [plain(self.loops[k].name) for k in sorted(rows)]
+        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+        return ", ".join(names[:MOST_NAMED]) + more
+
+    def row(self, number: int) -> LoopRow:
+        """Return a loop's row, marked where nothing comes from it any more."""
+        row = self.engine.row(number)
+        if number in self._stale and "stale" not in row.flags:
+            row.flags = (*row.flags, "stale")
+        return row
 
     def rows(self) -> list[LoopRow]:
         """Return all loops' rows, worst first."""
-        return self.engine.rows()
+        return sorted((self.row(k) for k in range(len(self.loops))), key=worst_first)
 
     # -- begin and end ------------------------------------------------------------------------------
 

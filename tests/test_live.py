@@ -471,3 +471,24 @@ def test_a_bus_without_a_router():
     """Nothing listens: an error, soon."""
     with pytest.raises(BusError):
         open_session("client", connect=[f"tcp/127.0.0.1:{free_port()}"], options={"connect/timeout_ms": 100})
+
+
+def test_told_to_stop_while_the_kernels_are_compiled(tmp_path, endpoint):
+    """SIGTERM during the first start, before anything was heard: exit 0 soon, not the deadline's 1."""
+    cache = tmp_path / "cache"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "monitor.cli", "monitor", "--listen", endpoint, "--state", str(tmp_path / "s")],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(cache)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        until(lambda: list(cache.rglob("*.nbi")))
+        process.send_signal(signal.SIGTERM)
+        said, complained = process.communicate(timeout=10)
+    finally:
+        process.kill()
+    assert process.returncode == 0, complained
+    assert "ready" not in said
+    assert "Traceback" not in complained

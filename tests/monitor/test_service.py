@@ -78,6 +78,7 @@ class FakeBus:
         self.questions: deque[Any] = deque()
         self.said: list[tuple[str, bytes, str]] = []
         self.on_say: Any = None
+        self.unsaid = 0
 
     def say(self, key: str, payload: bytes, encoding: str) -> None:
         if self.on_say is not None:
@@ -357,6 +358,7 @@ def test_a_locked_store_neither_stalls_nor_stops(bench):
     feed(b, a_step())
     b.tick()
     assert not b.service.ready
+    assert b.service.status()["not_ready"] == ["store"]
     other.execute("ROLLBACK")
     other.close()
     b.tick(2.0)

@@ -247,6 +247,7 @@ class _Deaf:
     def __init__(self) -> None:
         self.ring = Ring()
         self.questions: Any = []
+        self.unsaid = 0
 
     def say(self, *_: Any) -> None:
         """Forget it."""
@@ -258,6 +259,10 @@ class _Forgetful:
     def rows(self) -> dict[str, bytes]:
         """Nothing."""
         return {}
+
+    def tidy(self, _: int) -> bool:
+        """Nothing is old."""
+        return False
 
 
 def ticks(loops: int, seconds: int) -> float:

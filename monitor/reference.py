@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from tuners.models import IntegratingModel, Model, SelfRegulatingModel
+from tuners.models import FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
 from tuners.responses import closed_loop_response
 from tuners.settings import Settings
 from tuners.simc import simc_pd, simc_pi, simc_pid
@@ -72,7 +72,7 @@ def closed_loop_time(loop: Loop, model: Model, period: float) -> float:
     return max(float(model.dead_time), MOST_PERIODS * period)
 
 
-def reference_settings(model: Model, structure: str, tc: float) -> Settings:
+def reference_settings(model: Model, structure: str, tc: FloatOrArray) -> Settings:
     """Return the reference rule's settings (series or standard form; the rule's own).
 
     Raises

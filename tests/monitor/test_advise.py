@@ -230,7 +230,7 @@ def test_op_noise_is_that_of_a_simulated_controller(td, tf, period):
     """The formula against white noise through the sampled controller, within 3 %."""
     noise = np.random.default_rng(0).normal(0, 0.3, 40_000)
     simulated = noise_through(-2.0, td, tf, period, noise)
-    (formula,) = op_noise(Settings(-2.0, 50.0, td, tf), 0.3, period)
+    formula = op_noise(Settings(-2.0, 50.0, td, tf), 0.3, period)
     assert formula == pytest.approx(simulated, rel=0.03)
 
 

@@ -22,28 +22,54 @@ RADIUS = math.sqrt(7.815)
 def uncertain_models(fit: Fit, period: float) -> Model:
     """Return models of the fit's 95 % region as a controller of this period [s] meets them, fields (M, 1).
 
-    The first is the fit itself. The region lies in (ln |gain|, lag, dead time) with the joint covariance: its centre,
-    axes, edges, corners, and the axes of gain and dead time at the lag found. Where it reaches below a time of 0 it
-    is cut: a point is drawn back towards the centre until both times are allowed. (Setting the lag alone to 0 would
-    keep the long dead time that only goes with a negative lag.)
+    The first is the fit itself; then the ends of the region's axes, its edges and corners, and the ends of the axes
+    of gain and T0 at the lag found. The region lies in (ln |gain|, lag^2, T0) with the joint covariance: lag and dead
+    time are told apart by how much a response is rounded, which goes with the square of the lag (derived: the second
+    moment of the impulse response). So a lag that was found too long may well be none at all, while far longer ones
+    are excluded. Where the region reaches below a time of 0 it is cut: a point is drawn back towards the centre.
     """
-    values, vectors = np.linalg.eigh(fit.cov)
-    axes = vectors * np.sqrt(np.maximum(values, 0.0))
+    cov = _covariance(fit)
+    scale = np.sqrt(np.maximum(np.diag(cov), 1e-300))
+    values, vectors = np.linalg.eigh(
+        cov / np.outer(scale, scale)
+    )  # of no unit, so that seconds and minutes agree
+    axes = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     signs = [np.array(s) for s in product((-1.0, 0.0, 1.0), repeat=3) if any(s)]
     directions = [s / np.linalg.norm(s) for s in signs]  # axes, edges and corners: 26 ways
-    beside_lag = fit.cov - np.outer(fit.cov[1], fit.cov[1]) / max(fit.cov[1, 1], 1e-300)
+    beside_lag = cov - np.outer(cov[1], cov[1]) / scale[1] ** 2
     at_lag = [sign * math.sqrt(max(beside_lag[k, k], 0.0)) * np.eye(3)[k] for k in (0, 2) for sign in (-1, 1)]
     offsets = RADIUS * np.array([np.zeros(3), *(d @ axes.T for d in directions), *at_lag])
-    centre = np.array([fit.lag, fit.dead_time])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        room = np.where(offsets[:, 1:] < 0, centre / -offsets[:, 1:], np.inf)
-    points = offsets * np.minimum(room.min(axis=1), 1.0)[:, None]
-    gain = (fit.gain * np.exp(np.clip(points[:, 0], -20.0, 20.0)))[:, None]
-    lag = np.maximum(fit.lag + points[:, 1], 0.0)[:, None]
-    dead_time = np.maximum(fit.dead_time + points[:, 2], 0.0)[:, None]
+    gain, lag, dead_time = (x[:, None] for x in _inside(fit, offsets))
     if fit.process == INTEGRATING:
         return held(IntegratingModel(gain, dead_time, lag), period)
     return held(SelfRegulatingModel(gain, dead_time, lag, np.full_like(lag, fit.lag2)), period)
+
+
+def _covariance(fit: Fit) -> Array:
+    """Return the (3, 3) covariance of (ln |gain|, lag^2 [s^2], lag + dead time [s])."""
+    # of a normal variable's square: 4 mean^2 var + 2 var^2
+    slope = 2.0 * math.sqrt(fit.lag**2 + fit.cov[1, 1] / 2.0)
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, slope, 0.0], [0.0, 1.0, 1.0]])
+    return np.asarray(turn @ fit.cov @ turn.T)
+
+
+def _inside(fit: Fit, offsets: Array) -> tuple[Array, Array, Array]:
+    """Return gain, lag and dead time [s] (M,) at offsets (M, 3) of (ln |gain|, lag^2, T0), drawn back to times >= 0."""
+
+    def at(share: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        square = fit.lag**2 + share * offsets[:, 1]
+        lag = np.sqrt(np.maximum(square, 0.0))
+        dead_time = fit.lag + fit.dead_time + share * offsets[:, 2] - lag
+        return lag, np.maximum(dead_time, 0.0), (square >= 0) & (dead_time >= 0)
+
+    low, high = np.zeros(len(offsets)), np.ones(len(offsets))
+    low[at(high)[2]] = 1.0
+    for _ in range(20):
+        middle = (low + high) / 2
+        allowed = at(middle)[2]
+        low, high = np.where(allowed, middle, low), np.where(allowed, high, middle)
+    lag, dead_time, _ = at(low)
+    return fit.gain * np.exp(np.clip(low * offsets[:, 0], -20.0, 20.0)), lag, dead_time
 
 
 def fastest_safe(models: Model, candidates: Settings, ms_max: float) -> NDArray[np.int64]:

@@ -77,12 +77,14 @@ def test_a_suggestion_is_safe_for_the_whole_interval(
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(300, 3))
     points *= np.sqrt(7.815) * rng.random((300, 1)) ** (1 / 3) / np.linalg.norm(points, axis=1)[:, None]
-    points = points @ np.linalg.cholesky(fit.cov).T
-    models = IntegratingModel(
-        fit.gain * np.exp(points[:, 0]),
-        np.maximum(fit.dead_time + points[:, 2], 0.0) + PERIOD / 2,
-        np.maximum(fit.lag + points[:, 1], 0.0),
-    )
+    slope = 2 * np.sqrt(fit.lag**2 + fit.cov[1, 1] / 2)
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, slope, 0.0], [0.0, 1.0, 1.0]])
+    points = points @ np.linalg.cholesky(turn @ fit.cov @ turn.T).T
+    points = points[fit.lag**2 + points[:, 1] >= 0]
+    lags = np.sqrt(fit.lag**2 + points[:, 1])
+    dead_times = fit.lag + fit.dead_time + points[:, 2] - lags
+    points, lags, dead_times = points[dead_times >= 0], lags[dead_times >= 0], dead_times[dead_times >= 0]
+    models = IntegratingModel(fit.gain * np.exp(points[:, 0]), dead_times + PERIOD / 2, lags)
     many = np.asarray(peak_sensitivity(models, advice.settings))
     assert advice.ms_worst <= ms_max
     assert advice.ms <= ms_max + 1e-9

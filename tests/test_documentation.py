@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from monitor.cli import COMMANDS, loopsight
 from monitor.config import Config, load, problems
 from monitor.loops import read_loop_table
+from monitor.meanings import MEANINGS
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -62,3 +63,10 @@ def test_the_picture_of_the_readme_is_there():
     """The README's picture exists and is a PNG."""
     for name in re.findall(r"!\[[^]]*\]\(([^)]+)\)", README):
         assert (ROOT / name).read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("name", MEANINGS)
+def test_the_readme_says_what_a_health_figure_means(name):
+    """The words of the view and of the README are the same."""
+    meaning = MEANINGS[name]
+    assert f"| `{name}` | {meaning.unit} | {meaning.says} | {meaning.do} |" in README

@@ -220,7 +220,7 @@ def _averaging(limits: Limits, form: str, fit: Fit) -> Advice | Withheld:
     """Suggest for a surge vessel the gain that its load and room ask for, and as much integral as damping allows.
 
     ``|Kc| = max_load/max_deviation`` (today's where these are not known), ``Ti = 4/(Kc K)``: damping 1 for a
-    small dead time.
+    small dead time. No integral where the loop has none.
     """
     loop, model = limits.loop, model_of(fit)
     today = settings_of(loop, form)
@@ -232,7 +232,9 @@ def _averaging(limits: Limits, form: str, fit: Fit) -> Advice | Withheld:
         kp = float(today.kp)
     else:
         return Withheld("the averaging rule needs max_load and max_deviation, or today's settings")
-    new = Settings(kp, rounded(4.0 / (kp * fit.gain)), 0.0, 0.0, form, loop.b, loop.c)
+    integral = reference_structure(loop) in {"pi", "pid"}
+    ti = rounded(4.0 / (kp * fit.gain)) if integral else math.inf
+    new = Settings(kp, ti, 0.0, 0.0, form, loop.b, loop.c)
     ms_new, ms_worst = limits.worst(new)
     broken = [why for why, where in limits.broken(new) if np.any(where)]
     if ms_worst > loop.ms_max or broken:
@@ -241,7 +243,7 @@ def _averaging(limits: Limits, form: str, fit: Fit) -> Advice | Withheld:
     return Advice(
         "averaging",
         new,
-        float(new.ti) / 4.0,
+        1.0 / (kp * fit.gain),
         ms_new,
         ms_worst,
         None,

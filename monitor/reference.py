@@ -10,7 +10,7 @@ import math
 from dataclasses import replace
 
 from tuners.models import FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
-from tuners.responses import closed_loop_response
+from tuners.responses import step_figures
 from tuners.settings import Settings
 from tuners.simc import simc_pd, simc_pi, simc_pid
 
@@ -129,4 +129,4 @@ def reference_iae(  # noqa: PLR0911 (one return for each formula)
 
 def _simulated(size: float, model: Model, structure: str, tc: float, b: float, c: float) -> float:
     settings = replace(reference_settings(model, structure, tc), b=b, c=c)
-    return size * float(closed_loop_response(model, settings, kind=SETPOINT).iae)
+    return size * float(step_figures(model, settings).iae_setpoint[0])

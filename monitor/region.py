@@ -23,7 +23,7 @@ def uncertain_models(fit: Fit, period: float) -> Model:
     """Return models of the fit's 95 % region as a controller of this period [s] meets them, fields (M, 1).
 
     The first is the fit itself; then the ends of the region's axes, its edges and corners, and the ends of the axes
-    of gain and T0 at the lag found. The region lies in (ln |gain|, lag^2, T0) with the joint covariance: lag and dead
+    of gain and T0 at the lag found; and the points where each of the three is largest and least. The region lies in (ln |gain|, lag^2, T0) with the joint covariance: lag and dead
     time are told apart by how much a response is rounded, which goes with the square of the lag (derived: the second
     moment of the impulse response). So a lag that was found too long may well be none at all, while far longer ones
     are excluded. Where the region reaches below a time of 0 it is cut: a point is drawn back towards the centre.
@@ -38,7 +38,8 @@ def uncertain_models(fit: Fit, period: float) -> Model:
     directions = [s / np.linalg.norm(s) for s in signs]  # axes, edges and corners: 26 ways
     beside_lag = cov - np.outer(cov[1], cov[1]) / scale[1] ** 2
     at_lag = [sign * math.sqrt(max(beside_lag[k, k], 0.0)) * np.eye(3)[k] for k in (0, 2) for sign in (-1, 1)]
-    offsets = RADIUS * np.array([np.zeros(3), *(d @ axes.T for d in directions), *at_lag])
+    extremes = [sign * cov[k] / scale[k] for k in range(3) for sign in (-1, 1)]
+    offsets = RADIUS * np.array([np.zeros(3), *(d @ axes.T for d in directions), *at_lag, *extremes])
     gain, lag, dead_time = (x[:, None] for x in _inside(fit, offsets))
     if fit.process == INTEGRATING:
         return held(IntegratingModel(gain, dead_time, lag), period)

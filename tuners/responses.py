@@ -259,7 +259,9 @@ def _points(
     model: Process, settings: Settings, window: float | Array, step: float, least: int, most: int
 ) -> int:
     """Odd harmonics that all windows need: `1/step` samples a radian of the highest crossover, as the cap allows."""
-    fastest = np.maximum(_loop_speed(model, settings, window), 2 / np.maximum(model.t0, 1e-300))
+    fastest = _loop_speed(model, settings, window)
+    if np.all(np.asarray(model.t0) > 0):
+        fastest = np.maximum(fastest, 2 / np.asarray(model.t0))
     wanted = np.max(np.ravel(window) * fastest) / step
     return int(min(max(2.0 ** math.ceil(math.log2(max(wanted, 1.0))), least), most))
 

@@ -52,6 +52,11 @@ MOST_REST_ERROR = 0.3
 """Error in ln gain from which the integrals are no check: under noise they lose to the drift of OP's rest."""
 LEAST_FIT_IN_NOISE = 0.7
 """The same for a small step, where what is left over is no larger than the noise before it."""
+FAR_ABOVE_NOISE = 5.0
+"""Standard deviations of PV's noise above which what is left over has a cause of its own: an oscillation, a
+neighbour. Then a model must explain more."""
+LEAST_FIT_AMONG_OTHERS = 0.98
+"""The share of PV's variance that it must explain then: what is left is a seventh of the standard deviation."""
 LIKE_NOISE = 1.3
 """Residuals up to this many standard deviations of the error when quiet are noise."""
 STANDS_OUT = 6.0
@@ -166,6 +171,9 @@ def _explained(fit: Fit, event: Any) -> bool:
     """Whether the model leaves nothing but noise: by its share of PV's variance, or by the residuals' size."""
     small = abs(float(event["amplitude"])) < STANDS_OUT * float(event["sd_e"])
     like_noise = fit.sigma <= LIKE_NOISE * float(event["sd_e"])
+    others = fit.sigma > FAR_ABOVE_NOISE * float(event["noise"])
+    if others:
+        return fit.quality >= LEAST_FIT_AMONG_OTHERS
     return fit.quality >= LEAST_FIT or (fit.quality >= LEAST_FIT_IN_NOISE and like_noise and not small)
 
 
@@ -261,9 +269,6 @@ def _against(  # noqa: C901 (one if for each reason)
         reasons.append("undecided: an integrating and a self-regulating model fit equally well")
     if not _explained(fit, event):
         reasons.append(f"a model explains only {fit.quality:.0%} of PV's movement: something else moved it")
-    if fit.process == SELF_REGULATING and fit.size is not None:
-        # gain, onset and second lag share what the data say: the gain was 6 % off in the median, 47 % in 1 of 20
-        reasons.append("a load step alone does not show the gain of a self-regulating process")
     if fit.process == SELF_REGULATING and fit.t0 < RESOLVED * event["period"]:
         reasons.append(
             f"sampled too coarsely: T0 = {fit.t0:.3g} s cannot be seen with a sample period of {event['period']:.3g} s"

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tuners.settings import NotRepresentableError, Settings
 
 from .fitting import closed_loop
-from .identify import INDIRECT, INTEGRATING, Array, Fit, with_uncertainty
+from .identify import INDIRECT, INTEGRATING, Array, Fit, tangent_scatter, with_uncertainty
 
 REPRODUCES = 0.98
 """Share of OP's variance that the known settings must explain, fed with the measured SP and PV."""
@@ -105,7 +105,8 @@ def indirect_fit(window: Array, before: int, period: float, settings: Settings, 
     model = (case.sign * math.exp(p[0]), float(p[1]), float(p[2]), start.lag2)
     # secants of 5 %: at a lag of zero the tangents of lag and dead time coincide
     jacobian = _jacobian(case, p, residual, 0.05)
-    return with_uncertainty(start.process, model, case.time, case.y, residual, jacobian, period, INDIRECT)
+    scatter = tangent_scatter(residual, jacobian, float(p[1] + p[2]), period)
+    return with_uncertainty(start.process, model, case.time, case.y, residual, scatter, period, INDIRECT)
 
 
 def _standard(settings: Settings) -> tuple[float, float, float, float, float, float] | None:

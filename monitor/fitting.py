@@ -1,7 +1,9 @@
-"""The compiled part of a fit: a model's exact response to held input, and the search for its times.
+"""The compiled part of a fit: a model's exact response to held input, and the search for its parameters.
 
 ``kind`` is 0 for an integrating, 1 for a self-regulating process under a set-point step, and 2 and 3 for the
-same under a load step. Types are inferred by numba.
+same under a load step. A model's parameters are ``p = (dead time [s], lag [s], second lag as a share of the
+first, time of the load step [s])``; gain, load size and rest follow linearly (variable projection, Golub &
+Pereyra 1973). Types are inferred by numba.
 """
 
 from __future__ import annotations
@@ -10,8 +12,16 @@ import numpy as np
 
 from .state import jit
 
-FILL, REFLECT, EXPAND, CONTRACT = range(4)
-"""Phases of the simplex search."""
+DEAD, LAG, SHARE, ONSET = range(4)
+"""Places of the parameters."""
+MOST_SHARE = 0.99
+"""Of the second lag in the first; partial fractions need two different lags."""
+MOST_POINTS = 300
+"""Points above which a window is searched in blocks of mean values."""
+NODES = 6
+"""Dead times, from that of the best single lag down to nothing, from which the best model is looked for."""
+STEPS = 30
+"""Most steps of a descent (Levenberg-Marquardt)."""
 
 
 @jit
@@ -31,40 +41,82 @@ def _lagged(t, u, tau):
 
 
 @jit
-def response(t, u, kind, dead_time, lag, lag2):
-    """Response of the unit-gain model at the points: exact for held input, any dead time, uneven points."""
+def _shares(kind, lag, lag2):
+    """Partial fractions of the lags: (second lag, weight of the first's output, weight of the second's)."""
+    if lag2 <= 0.0:
+        return 0.0, lag if kind == 0 else 1.0, 0.0
+    if abs(lag - lag2) < 1e-3 * lag:
+        lag2 = lag * (1.0 - 1e-3)
+    first, second = lag / (lag - lag2), lag2 / (lag - lag2)
+    return (lag2, first * lag, second * lag2) if kind == 0 else (lag2, first, second)
+
+
+@jit
+def response_at(at, t, u, kind, dead_time, lag, lag2):
+    """Response of the unit-gain model at the times ``at`` to input held from each of the times ``t`` on.
+
+    Exact for any dead time, uneven points, equal lags. Integrating: ``1/(s (lag s + 1)(lag2 s + 1))``, whose
+    partial fractions are the input's integral less the weighted outputs of the lags.
+    """
     n = len(t)
-    x = np.zeros(n)
-    if kind == 1 and lag2 > 0.0 and abs(lag - lag2) < 1e-3 * lag:
-        lag2 = lag * (1.0 - 1e-3)  # the partial fractions below need two different lags
+    x = np.zeros(len(at))
+    lag2, w1, w2 = _shares(kind, lag, lag2)
     z1 = _lagged(t, u, lag)
-    z2 = _lagged(t, u, lag2) if kind == 1 and lag2 > 0.0 else z1
+    z2 = _lagged(t, u, lag2) if lag2 > 0.0 else z1
     s = np.zeros(n)
     for k in range(n - 1):
         s[k + 1] = s[k] + u[k] * (t[k + 1] - t[k])
     j = 0
     last, e1, e2 = -1.0, 1.0, 1.0
-    for i in range(n):
-        at = t[i] - dead_time
-        if at <= t[0]:
+    for i in range(len(at)):
+        shown = at[i] - dead_time
+        if shown <= t[0]:
             continue
         # PV is measured before OP moves: at the instant of a move the old OP still counts
-        while j + 1 < n and t[j + 1] < at:
+        while j + 1 < n and t[j + 1] < shown:
             j += 1
-        h = at - t[j]
+        h = shown - t[j]
         if abs(h - last) > 1e-9 * (abs(h) + dead_time):
             last = h
             e1 = np.exp(-h / lag) if lag > 0.0 else 0.0
             e2 = np.exp(-h / lag2) if lag2 > 0.0 else 0.0
-        a = u[j] + (z1[j] - u[j]) * e1
-        if kind == 0:  # the integral of a lag's output is the input's integral less tau times the output
-            x[i] = s[j] + u[j] * h - lag * a
-        elif lag2 > 0.0:
-            b = u[j] + (z2[j] - u[j]) * e2
-            x[i] = (lag * a - lag2 * b) / (lag - lag2)
-        else:
-            x[i] = a
+        y = w1 * (u[j] + (z1[j] - u[j]) * e1)
+        if lag2 > 0.0:
+            y -= w2 * (u[j] + (z2[j] - u[j]) * e2)
+        x[i] = s[j] + u[j] * h - y if kind == 0 else y
     return x
+
+
+@jit
+def response(t, u, kind, dead_time, lag, lag2):
+    """Response of the unit-gain model at the points of its own input."""
+    return response_at(t, t, u, kind, dead_time, lag, lag2)
+
+
+@jit
+def load_response(age, kind, gain, dead_time, lag, lag2):
+    """Response of PV, at these (rising) ages of a load step of one unit of OP at the input; 0 before it shows."""
+    y = np.zeros(len(age))
+    lag2, w1, w2 = _shares(kind, lag, lag2)
+    last, dt, d1, d2, e1, e2 = 0.0, -1.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(len(age)):
+        h = age[k] - dead_time
+        if h <= 0.0:
+            continue
+        if dt < 0.0:  # the first one
+            e1 = np.exp(-h / lag) if lag > 0.0 else 0.0
+            e2 = np.exp(-h / lag2) if lag2 > 0.0 else 0.0
+            dt = 0.0
+        else:
+            if abs(h - last - dt) > 1e-9 * h:
+                dt = h - last
+                d1 = np.exp(-dt / lag) if lag > 0.0 else 0.0
+                d2 = np.exp(-dt / lag2) if lag2 > 0.0 else 0.0
+            e1, e2 = e1 * d1, e2 * d2
+        last = h
+        shown = w1 * (1.0 - e1) - w2 * (1.0 - e2)
+        y[k] = gain * (h - shown if kind == 0 else shown)
+    return y
 
 
 @jit
@@ -85,226 +137,334 @@ def project(x, t, kind):
 
 
 @jit
-def _gain_and_rss(t, u, y, kind, dead_time, lag, third):
-    """Best gain and residual sum of squares at these times; ``y`` is projected already.
-
-    ``third`` is the second lag, or, for a load step, the onset after the window's first point.
-    """
-    if kind >= 2:
-        return _with_load(t, u, y, kind - 2, dead_time, lag, third)
-    x = project(response(t, u, kind, dead_time, lag, third), t, kind)
-    xx = xy = 0.0
-    for i in range(len(x)):
-        xx += x[i] * x[i]
-        xy += x[i] * y[i]
-    if xx <= 0.0:
-        return 0.0, np.inf
-    gain = xy / xx
-    rss = 0.0
-    for i in range(len(x)):
-        r = y[i] - gain * x[i]
-        rss += r * r
-    return gain, rss
+def columns(at, t, u, kind, p):
+    """Return what OP and what a load step of one unit do to PV, gain 1, projected; the latter empty without one."""
+    lag2 = p[SHARE] * p[LAG]
+    x = project(response_at(at, t, u, kind % 2, p[DEAD], p[LAG], lag2), at, kind)
+    if kind < 2:
+        return x, np.zeros(0)
+    return x, project(load_response(at - p[ONSET], kind % 2, 1.0, p[DEAD], p[LAG], lag2), at, kind)
 
 
 @jit
-def _with_load(t, u, y, process, dead_time, lag, onset):
-    """Best gain and residual sum of squares with a load step whose size is free: two columns."""
-    x = project(response(t, u, process, dead_time, lag, 0.0), t, 1)
-    g = project(load_response(t - t[0] - onset, process, 1.0, dead_time, lag, 0.0), t, 1)
+def evaluate(at, t, u, py, kind, p, r):
+    """Best gain, gain times load size, and residual sum of squares; the residuals go to ``r``.
+
+    ``py`` is PV, projected.
+    """
+    x, g = columns(at, t, u, kind, p)
     xx = xg = gg = xy = gy = 0.0
     for i in range(len(x)):
         xx += x[i] * x[i]
+        xy += x[i] * py[i]
+    for i in range(len(g)):
         xg += x[i] * g[i]
         gg += g[i] * g[i]
-        xy += x[i] * y[i]
-        gy += g[i] * y[i]
-    det = xx * gg - xg * xg
-    if det <= 1e-14 * xx * gg:
-        return 0.0, np.inf
-    gain = (gg * xy - xg * gy) / det
-    load = (xx * gy - xg * xy) / det
+        gy += g[i] * py[i]
+    gain, load = xy / xx, 0.0
+    if kind >= 2:
+        det = xx * gg - xg * xg
+        if det <= 1e-14 * xx * gg:
+            return 0.0, 0.0, np.inf
+        gain, load = (gg * xy - xg * gy) / det, (xx * gy - xg * xy) / det
+    if not xx > 0.0:
+        return 0.0, 0.0, np.inf
     rss = 0.0
     for i in range(len(x)):
-        r = y[i] - gain * x[i] - load * g[i]
-        rss += r * r
-    return gain, rss
+        r[i] = py[i] - gain * x[i]
+        if kind >= 2:
+            r[i] -= load * g[i]
+        rss += r[i] * r[i]
+    return gain, load, rss
 
 
 @jit
-def search(t, u, y, kind):
-    """Best (rss, dead time, lag, third, gain): a coarse grid, then Nelder-Mead.
+def _solve(a, b, n):
+    """Solve a x = b for the first n unknowns, in place (Gauss with pivots); whether there is a solution."""
+    for i in range(n):
+        m = i
+        for j in range(i + 1, n):
+            if abs(a[j, i]) > abs(a[m, i]):
+                m = j
+        if not abs(a[m, i]) > 0.0:
+            return False
+        for c in range(n):
+            a[i, c], a[m, c] = a[m, c], a[i, c]
+        b[i], b[m] = b[m], b[i]
+        for j in range(i + 1, n):
+            f = a[j, i] / a[i, i]
+            for c in range(i, n):
+                a[j, c] -= f * a[i, c]
+            b[j] -= f * b[i]
+    for i in range(n - 1, -1, -1):
+        for c in range(i + 1, n):
+            b[i] -= a[i, c] * b[c]
+        b[i] /= a[i, i]
+    return True
 
-    ``third`` is the second lag, or, for a load step, the onset after the window's first point.
+
+@jit
+def _normal(at, t, u, py, kind, p, r, free, high, weight, a, b, which):
+    """Fill the normal equations of the parameters that are free and not held by a bound; return their number.
+
+    ``weight`` is that of the prior on the second lag's share, in units of the residual sum of squares.
     """
-    py = project(y.copy(), t, kind)
-    span = t[-1]
-    step = (t[-1] - t[0]) / len(t)
-    best = np.array([np.inf, 0.0, step, 0.0, 0.0])
-    onsets = 10 if kind >= 2 else 1
-    m = 12 if kind < 2 else 8
-    thin = max(len(t) // (200 if kind < 2 else 100), 1)  # the grid only has to find the valley
-    tt, uu = _thinned(t, u, thin)
-    yy = project(y[::thin].copy()[: len(tt)], tt, kind)
-    longest = 0.5 * span if kind in {0, 2} else span
-    for a in range(m):
-        dead_time = 0.0 if a == 0 else step * (0.5 * span / step) ** ((a - 1) / (m - 1))
-        for b in range(m):
-            lag = 0.0 if b == 0 else step * (longest / step) ** ((b - 1) / (m - 1))
+    n, k = len(r), len(free)
+    jacobian, trial, q = np.empty((k, n)), np.empty(n), p.copy()
+    scale = p[DEAD] + p[LAG] * (1.0 + p[SHARE]) + (at[-1] - at[0]) / n
+    m = 0
+    for c in range(k):
+        f = free[c]
+        h = 1e-3 if f == SHARE else 1e-3 * scale
+        if p[f] + h > high[f]:
+            h = -h
+        q[f] = p[f] + h
+        evaluate(at, t, u, py, kind, q, trial)
+        q[f] = p[f]
+        slope = 0.0
+        for i in range(n):
+            jacobian[m, i] = (r[i] - trial[i]) / h
+            slope += jacobian[m, i] * r[i]
+        slope -= weight * p[f] if f == SHARE else 0.0
+        low = at[0] if f == ONSET else 0.0
+        if not np.isfinite(slope) or (p[f] <= low and slope < 0.0) or (p[f] >= high[f] and slope > 0.0):
+            continue
+        which[m], b[m] = f, slope
+        m += 1
+    for c in range(m):
+        for d in range(c, m):
+            total = 0.0
+            for i in range(n):
+                total += jacobian[c, i] * jacobian[d, i]
+            a[c, d] = a[d, c] = total
+        if which[c] == SHARE:
+            a[c, c] += weight
+    return m
+
+
+@jit
+def descend(at, t, u, py, kind, start, free, high, weight, steps, close):
+    """Levenberg-Marquardt within bounds over the free parameters: (p, gain, gain times load size, rss, cost).
+
+    ``cost`` is the residual sum of squares plus the prior's share of it. Ends when a step gains less than
+    ``close`` of the cost.
+    """
+    p, r, trial = start.copy(), np.empty(len(at)), np.empty(len(at))
+    gain, load, rss = evaluate(at, t, u, py, kind, p, r)
+    cost = rss + weight * p[SHARE] ** 2
+    a, b, which = np.zeros((4, 4)), np.zeros(4), np.zeros(4, dtype=np.int64)
+    damping = 1e-3
+    for _ in range(steps):
+        m = _normal(at, t, u, py, kind, p, r, free, high, weight, a, b, which)
+        gained = 0.0
+        for _ in range(8 if m > 0 else 0):
+            aa, x = a.copy(), b.copy()
+            for c in range(m):
+                aa[c, c] *= 1.0 + damping
+            damping *= 4.0
+            if not _solve(aa, x, m):
+                continue
+            q = p.copy()
+            for c in range(m):
+                f = which[c]
+                # towards no lag by degrees: from there all slopes towards a lag are 0, and no way leads out
+                low = at[0] if f == ONSET else 0.3 * p[f] if f == LAG else 0.0
+                q[f] = min(max(p[f] + x[c], low), high[f])
+            found = evaluate(at, t, u, py, kind, q, trial)
+            value = found[2] + weight * q[SHARE] ** 2
+            if value < cost:
+                gained = cost - value
+                p, cost = q, value
+                r, trial = trial, r
+                gain, load, rss = found
+                damping = max(damping / 20.0, 1e-9)
+                break
+        if gained <= close * cost:
+            break
+    return p, gain, load, rss, cost
+
+
+@jit
+def blocks(t, u, y, most):
+    """Thin a window to about ``most`` points: (times of PV, PV, times of OP, OP), means over blocks.
+
+    OP is a block's mean, held from its first time on; PV is the mean, at the mean time.
+    """
+    size = (len(t) + most - 1) // most
+    n = len(t) // size
+    at, yy, tt, uu = np.zeros(n), np.zeros(n), np.empty(n), np.empty(n)
+    for k in range(n):
+        first, end = k * size, min((k + 1) * size, len(t) - 1)
+        tt[k] = t[first]
+        area = 0.0
+        for j in range(first, end):
+            area += u[j] * (t[j + 1] - t[j])
+        uu[k] = area / (t[end] - tt[k]) if t[end] > tt[k] else u[first]
+        for j in range(first, first + size):
+            at[k] += t[j] / size
+            yy[k] += y[j] / size
+    return at, yy, tt, uu
+
+
+@jit
+def bounds(t, kind):
+    """Upper bounds of the parameters: an integrating process shows its lags in half a window, or never."""
+    longest = t[-1] if kind % 2 else 0.5 * t[-1]
+    return np.array([longest, 20.0 * longest, MOST_SHARE, 0.0])
+
+
+@jit
+def _coarse(at, t, u, py, kind):
+    """Best parameters of a model with one lag on a coarse grid."""
+    r = np.empty(len(at))
+    step = (at[-1] - at[0]) / len(at)
+    high = bounds(t, kind)
+    many, onsets = (7, 8) if kind >= 2 else (10, 1)
+    best, least = np.array([0.0, step, 0.0, 0.0]), np.inf
+    p = best.copy()
+    for a in range(many):
+        p[DEAD] = 0.0 if a == 0 else step * (0.5 * t[-1] / step) ** ((a - 1) / (many - 1))
+        for b in range(many):
+            p[LAG] = 0.0 if b == 0 else step * (high[DEAD] / step) ** ((b - 1) / (many - 1))
             for c in range(onsets):
-                # a load is looked for far back and, ever more closely, shortly before it was noticed
-                third = (
-                    -t[0] - 2.0 * step * (-t[0] / (2.0 * step)) ** (c / (onsets - 1)) if kind >= 2 else 0.0
-                )
-                gain, rss = _gain_and_rss(tt, uu, yy, kind, dead_time, lag, third)
-                if rss < best[0]:
-                    best[0], best[1], best[2], best[3], best[4] = rss, dead_time, lag, third, gain
-    best[0] = np.inf
-    dim = 2 if kind == 0 else 3
-    for _ in range(2):  # a second start from the first one's end frees a collapsed simplex
-        best = _nelder_mead(t, u, py, kind, best, dim, step, longest)
+                if kind >= 2:  # far back and, ever more closely, shortly before it was noticed
+                    p[ONSET] = -2.0 * step * (-at[0] / (2.0 * step)) ** (c / (onsets - 1))
+                rss = evaluate(at, t, u, py, kind, p, r)[2]
+                if rss < least:
+                    best, least = p.copy(), rss
     return best
 
 
 @jit
-def _thinned(t, u, thin):
-    """Every thin-th point, OP as the mean over the points dropped."""
-    n = (len(t) + thin - 1) // thin
-    tt, uu = np.empty(n), np.empty(n)
-    for k in range(n):
-        tt[k] = t[k * thin]
-        end = min((k + 1) * thin, len(t) - 1)
-        area = 0.0
-        for j in range(k * thin, end):
-            area += u[j] * (t[j + 1] - t[j])
-        uu[k] = area / (t[end] - tt[k]) if t[end] > tt[k] else u[k * thin]
-    return tt, uu
+def moved(p, dead_time, kind, high, first):
+    """Where to look for the best model at another dead time: what it loses, onset and second lag take up."""
+    q = p.copy()
+    less = p[DEAD] - dead_time
+    q[DEAD] = dead_time
+    if kind >= 2:
+        q[ONSET] = min(max(p[ONSET] + 0.9 * less, first), 0.0)
+    q[SHARE] = min(max(p[SHARE] + 0.7 * less / max(p[LAG], 1e-9 * high[LAG]), 0.005), MOST_SHARE - 0.01)
+    return q
 
 
 @jit
-def _cost(t, u, py, kind, p, longest):
-    """Residual sum of squares at p = (dead time, lag, third), folded to positive times and bounded."""
-    most = -t[0] if kind >= 2 else longest  # a load step came before it was noticed
-    if abs(p[0]) > longest or abs(p[1]) > 20.0 * longest or abs(p[2]) > most:
-        return np.inf
-    return _gain_and_rss(t, u, py, kind, abs(p[0]), abs(p[1]), abs(p[2]))[1]
+def search(at, t, u, py, kind):
+    """Best parameters of a window with two lags, with one lag, and the former's residual sum of squares.
 
-
-@jit
-def _nelder_mead(t, u, py, kind, start, dim, step, longest):  # noqa: C901, PLR0912, PLR0915 (one cost, see below)
-    """Downhill simplex (Nelder & Mead 1965) in (dead time, lag[, third]).
-
-    Written with scalars and one place that evaluates the cost: array expressions and copies of the inlined
-    cost would take most of the time that compiling takes.
+    A coarse grid, the best single lag, then down the valley of ever less dead time: dead time, second lag and
+    onset share what the data say; the valley is long, narrow and bent, and has false ends.
     """
-    points = np.zeros((dim + 1, 3))
-    values = np.zeros(dim + 1)
-    centre, trial, kept = np.zeros(3), np.zeros(3), np.zeros(3)
-    scale = 0.2 * (start[1] + start[2]) + 0.2 * step
-    for k in range(dim + 1):
-        for m in range(3):
-            points[k, m] = start[1 + m] + (scale if k == m + 1 else 0.0)
-            if kind >= 2 and m == 2 and k == 3:  # a fifth earlier, seen from when it was noticed
-                points[k, m] = max(start[3] - 0.2 * (-t[0] - start[3]) - step, 0.0)
-    at, phase, kept_value = 0, FILL, 0.0  # `at`: the vertex that is evaluated while the simplex is (re)filled
-    for _ in range(200):
-        if phase == FILL:
-            _toward(trial, points[at], points[at], 0.0)
-        value = _cost(t, u, py, kind, trial, longest)
-        if phase == FILL:
-            values[at] = value
-            at += 1
-            if at <= dim:
-                continue
-        elif phase == REFLECT and value < values[0]:
-            _toward(kept, trial, trial, 0.0)
-            kept_value = value
-            _toward(trial, centre, points[dim], -2.0)
-            phase = EXPAND
-            continue
-        elif phase == REFLECT and value >= values[dim - 1]:
-            _toward(kept, points[dim], points[dim], 0.0)
-            if value < values[dim]:
-                _toward(kept, trial, trial, 0.0)
-            _toward(trial, centre, kept, 0.5)
-            phase = CONTRACT
-            continue
-        elif phase == EXPAND and value >= kept_value:
-            _toward(points[dim], kept, kept, 0.0)
-            values[dim] = kept_value
-        elif phase == CONTRACT and value >= values[dim]:
-            for k in range(1, dim + 1):
-                _toward(points[k], points[0], points[k], 0.5)
-            at, phase = 1, FILL
-            continue
-        else:
-            _toward(points[dim], trial, trial, 0.0)
-            values[dim] = value
-        _sort(points, values)
-        if values[dim] - values[0] <= 1e-10 * values[0] or _size(points) < 1e-7 * step:
-            break
-        for m in range(3):
-            centre[m] = 0.0
-            for k in range(dim):
-                centre[m] += points[k, m] / dim
-        _toward(trial, centre, points[dim], -1.0)
-        phase = REFLECT
-    _sort(points, values)
-    out = np.empty(5)
-    for m in range(3):
-        out[1 + m] = abs(points[0, m])
-    if kind == 1 and out[3] > out[2]:
-        out[2], out[3] = out[3], out[2]
-    out[4], out[0] = _gain_and_rss(t, u, py, kind, out[1], out[2], out[3])
+    high = bounds(t, kind)
+    with_onset = kind >= 2
+    single = np.array([DEAD, LAG, ONSET]) if with_onset else np.array([DEAD, LAG])
+    beside = np.array([LAG, SHARE, ONSET]) if with_onset else np.array([LAG, SHARE])
+    every = np.array([DEAD, LAG, SHARE, ONSET]) if with_onset else np.array([DEAD, LAG, SHARE])
+    thin = max(len(at) // 100, 1)
+    few = at[::thin].copy()
+    p = _coarse(few, t, u, project(py[::thin].copy(), few, kind), kind)
+    p, _, _, least, _ = descend(at, t, u, py, kind, p, single, high, 0.0, 20, 1e-5)
+    single_lag = p.copy()
+    t0 = p[LAG] + p[DEAD]
+    for share in (0.25, 0.5):
+        if single_lag[LAG] < 0.1 * single_lag[DEAD]:
+            p[DEAD], p[LAG] = (1.0 - share) * t0, share * t0
+            p, _, _, rss, _ = descend(at, t, u, py, kind, p, single, high, 0.0, 20, 1e-5)
+            if rss < least:
+                single_lag, least = p.copy(), rss
+    p = single_lag.copy()
+    best, top = p.copy(), p[DEAD]
+    for k in range(NODES):
+        dead_time = top * (1.0 - k / (NODES - 1))
+        p, _, _, rss, _ = descend(
+            at, t, u, py, kind, moved(p, dead_time, kind, high, at[0]), beside, high, 0.0, 10, 1e-3
+        )
+        if rss < least:
+            best, least = p.copy(), rss
+    p, _, _, rss, _ = descend(at, t, u, py, kind, best, every, high, 0.0, STEPS, 1e-7)
+    return p, single_lag, rss
+
+
+@jit
+def walk(at, t, u, py, kind, start, stride, weight, scale):
+    """Walk along the valley, to less and to more dead time, until it is left: (n, 7) p, gain, load, likelihood.
+
+    Parameters
+    ----------
+    start
+        The best parameters.
+    stride
+        First step of the dead time [s].
+    weight
+        Of the prior on the second lag's share, in units of the residual sum of squares.
+    scale
+        Log-likelihood per unit of the residual sum of squares.
+    """
+    high = bounds(t, kind)
+    beside = np.array([LAG, SHARE, ONSET]) if kind >= 2 else np.array([LAG, SHARE])
+    out = np.empty((17, 7))
+    p0, gain, load, _, cost0 = descend(at, t, u, py, kind, start, beside, high, weight, 1, 1e-4)
+    out[0, :4], out[0, 4], out[0, 5], out[0, 6] = p0, gain, load, -scale * cost0
+    n = 1
+    for side in (-1.0, 1.0):
+        p, step, last, best = p0.copy(), stride, -scale * cost0, -scale * cost0
+        for _ in range(8):
+            dead_time = min(max(p[DEAD] + side * step, 0.0), high[DEAD])
+            if dead_time == p[DEAD]:
+                break
+            q, gain, load, _, cost = descend(
+                at, t, u, py, kind, moved(p, dead_time, kind, high, at[0]), beside, high, weight, 12, 1e-4
+            )
+            stay = p.copy()
+            stay[DEAD], stay[SHARE] = dead_time, max(p[SHARE], 0.005)
+            if -scale * cost < last:
+                other = descend(at, t, u, py, kind, stay, beside, high, weight, 12, 1e-4)
+                if other[4] < cost:
+                    q, gain, load, _, cost = other
+            p = q
+            now = -scale * cost
+            out[n, :4], out[n, 4], out[n, 5], out[n, 6] = p, gain, load, now
+            n += 1
+            best = max(best, now)
+            if best - now > 4.0:
+                break
+            if abs(now - last) < 0.5:
+                step *= 1.7
+            elif last - now > 1.5:
+                step *= 0.6
+            last = now
+    return out[:n]
+
+
+@jit
+def slopes(at, t, u, kind, p, gain, load):
+    """PV's change per unit of ln gain, lag, second lag, dead time [s], and for a load its onset [s] and ln size.
+
+    Secants of 5 % of T0: at lags of zero the tangents of lags and dead time coincide. All is projected.
+    """
+    lags = np.array([p[LAG], p[SHARE] * p[LAG], p[DEAD], p[ONSET]])
+    step = 0.05 * (lags[0] + lags[1] + lags[2]) + 0.05 * (at[-1] - at[0]) / len(at)
+    m = 6 if kind >= 2 else 4
+    out = np.zeros((len(at), m))
+    for k in range(1, min(m, 5)):
+        ahead, behind = lags.copy(), lags.copy()
+        ahead[k - 1] += step
+        behind[k - 1] -= step
+        if k < 4:
+            behind[k - 1] = max(behind[k - 1], 0.0)
+        for side, v in ((1.0, ahead), (-1.0, behind)):
+            share = min(v[0], v[1]) / max(v[0], v[1]) if v[0] + v[1] > 0.0 else 0.0
+            x, g = columns(at, t, u, kind, np.array([v[2], max(v[0], v[1]), share, v[3]]))
+            for i in range(len(at)):
+                out[i, k] += side * gain * x[i] / (ahead[k - 1] - behind[k - 1])
+                if m == 6:
+                    out[i, k] += side * load * g[i] / (ahead[k - 1] - behind[k - 1])
+    x, g = columns(at, t, u, kind, p)
+    for i in range(len(at)):
+        out[i, 0] = gain * x[i]
+        if m == 6:
+            out[i, 0] += load * g[i]
+            out[i, 5] = load * g[i]
     return out
-
-
-@jit
-def _toward(out, a, b, share):
-    """``out = a + share (b - a)``."""
-    for m in range(3):
-        out[m] = a[m] + share * (b[m] - a[m])
-
-
-@jit
-def _size(points):
-    """Largest distance, in any coordinate, of the worst point from the best."""
-    far = 0.0
-    for m in range(3):
-        far = max(far, abs(points[-1, m] - points[0, m]))
-    return far
-
-
-@jit
-def _sort(points, values):
-    """Sort the vertices by value, in place (insertion: there are three or four)."""
-    for k in range(1, len(values)):
-        j = k
-        while j > 0 and values[j - 1] > values[j]:
-            values[j - 1], values[j] = values[j], values[j - 1]
-            for m in range(3):
-                points[j - 1, m], points[j, m] = points[j, m], points[j - 1, m]
-            j -= 1
-
-
-@jit
-def load_response(age, kind, gain, dead_time, lag, lag2):
-    """Response of PV, at these ages of a load step of one unit of OP at the process input; 0 before it shows."""
-    y = np.zeros(len(age))
-    if lag2 > 0.0 and abs(lag - lag2) < 1e-3 * lag:
-        lag2 = lag * (1.0 - 1e-3)
-    for k in range(len(age)):
-        h = age[k] - dead_time
-        if h <= 0.0:
-            continue
-        first = np.exp(-h / lag) if lag > 0.0 else 0.0
-        if kind == 0:
-            y[k] = gain * (h - lag * (1.0 - first))
-        elif lag2 > 0.0:
-            y[k] = gain * (1.0 - (lag * first - lag2 * np.exp(-h / lag2)) / (lag - lag2))
-        else:
-            y[k] = gain * (1.0 - first)
-    return y
 
 
 @jit

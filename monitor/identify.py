@@ -1,8 +1,12 @@
 """An event's window to a process model with intervals.
 
 Two independent ways: running integrals (exact without noise, any linear controller) and a separable
-least-squares fit (variable projection, Golub & Pereyra 1973) of the half-rule model to the window. A
-suggestion rests on the fit; the integrals check it.
+least-squares fit (variable projection, Golub & Pereyra 1973) of a model to the window. A suggestion rests on
+the fit; the integrals check it.
+
+An integrating process is fitted with one effective lag, and its tangents tell how far other models reach. A
+self-regulating one needs its second lag: dead time, lags, gain and a load's onset share what the data say, the
+likelihood is a long bent valley, and no tangent describes it. The valley is walked instead (derived).
 """
 
 from __future__ import annotations
@@ -13,7 +17,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .fitting import load_response, project, response, search
+from .fitting import (
+    DEAD,
+    LAG,
+    MOST_POINTS,
+    ONSET,
+    SHARE,
+    blocks,
+    bounds,
+    descend,
+    evaluate,
+    load_response,
+    project,
+    response,
+    search,
+    slopes,
+    walk,
+)
 
 Array = NDArray[np.float64]
 
@@ -32,6 +52,14 @@ UNRESOLVED = 1.0
 """The same for a dead time of nothing: which of two scans a historian's stamp belongs to is not in the data."""
 RESOLVED = 3.0
 """Sample periods from which a dead time counts as resolved; in between, the floor falls linearly."""
+ALIKE = 8.0
+"""Lag, in dead times, from which SIMC's integral time is that for an integrating process (Skogestad 2003)."""
+SECOND_LAG = 0.3
+"""One sigma of a second lag as a share of the first: a process whose lags are alike is rare."""
+LEAST_NOISE = 1e-10
+"""Least power of the residuals, as a share of PV's: no model is better than that, and no number either."""
+SINGLE, BESIDE, EVERY = ((DEAD, LAG), (LAG, SHARE), (DEAD, LAG, SHARE))
+"""Parameters that are searched for: with one lag, at a given dead time, all; for a load the onset too."""
 Z95 = 1.96
 DECIDES = 6.0
 """Difference of log-likelihoods (in effective samples) from which one kind of process is believed: 1 to 400."""
@@ -57,9 +85,11 @@ class Fit:
     quality: float
     """1 - residual variance / PV variance over the window."""
     log_likelihood: float
-    """-n_eff/2 ln(residual variance): to compare fits of the same window."""
+    """-n_eff/2 ln(residual variance), of a model with two lags where there is one: to compare fits of a window."""
     sigma: float
     """Standard deviation of the residuals [PV]."""
+    n_eff: float = 1.0
+    """Independent points of which the likelihood is."""
     size: float | None = None
     """Size Ad of the load step at the process input [OP]; None for a set-point step."""
     onset: float | None = None
@@ -134,7 +164,7 @@ def fit_window(
         ``integrating``: ``y = mu F(lag, dead time)[int u] + c0 + c1 t`` (c1: a load that OP did not balance);
         ``self-regulating``: ``y = K F(lag, lag2, dead time)[u] + c0``.
     load
-        A load stepped, before time zero: its size and onset are fitted too (without c1 and lag2).
+        A load stepped, before time zero: its size and onset are fitted too (without c1).
     period
         Sample period, which a thinned window no longer shows; by default the median step of its times [s].
 
@@ -150,14 +180,14 @@ def fit_window(
     if not np.any(u) or np.ptp(y) == 0:
         return None
     kind = (0 if process == INTEGRATING else 1) + (2 if load else 0)
-    best = search(t, u, y, kind)
-    if not np.isfinite(best[0]) or best[4] == 0.0:
+    found = _explain(_window_of(t, u, y, kind))
+    if found is None:
         return None
-    residual, jacobian, size = _jacobian(t, u, y, kind, best)
-    dead_time, lag, third, gain = (float(v) for v in best[1:5])
-    model = (gain, lag, dead_time, 0.0 if load else third)
-    fit = with_uncertainty(process, model, t, y, residual, jacobian, period)
-    return replace(fit, size=size / gain, onset=float(t[0]) + third) if load else fit
+    p = found.p
+    model = (found.gain, float(p[LAG]), float(p[DEAD]), float(p[LAG] * p[SHARE]))
+    fit = with_uncertainty(process, model, t, y, found.residual, found.scatter, period)
+    fit = replace(fit, log_likelihood=found.log_likelihood, n_eff=found.n_eff)
+    return replace(fit, size=found.load / found.gain, onset=float(p[ONSET])) if load else fit
 
 
 def _columns(window: Array, before: int, load: bool) -> tuple[Array, Array, Array]:
@@ -168,10 +198,10 @@ def _columns(window: Array, before: int, load: bool) -> tuple[Array, Array, Arra
 
 
 def with_uncertainty(
-    process: str, model: tuple[float, float, float, float], t: Array, y: Array, residual: Array, jacobian: Array,
+    process: str, model: tuple[float, float, float, float], t: Array, y: Array, residual: Array, scatter: Array,
     period: float | None = None, method: str = DIRECT,
 ) -> Fit:  # fmt: skip
-    """Make a Fit of an optimum: its quality, and its covariance from residuals and their autocorrelation.
+    """Make a Fit of an optimum: its quality, and the floors of its covariance.
 
     Parameters
     ----------
@@ -179,8 +209,8 @@ def with_uncertainty(
         gain, lag [s], dead time [s], second lag [s].
     t, y, residual
         (n,) times [s], PV and PV less the model's [PV].
-    jacobian
-        (n, k): PV's change per unit of ln |gain|, of lag, of dead time [s], and of whatever else was fitted.
+    scatter
+        (3, 3) covariance of (ln |gain|, lag, dead time) by the residuals.
     """
     gain, lag, dead_time, lag2 = model
     rss = float(residual @ residual)
@@ -189,11 +219,6 @@ def with_uncertainty(
     variance = max(rss / max(len(t) - 6, 1), 1e-24 * spread)
     t0 = lag + lag2 + dead_time
     step = float(np.median(np.diff(t))) if period is None else period
-    # lag and dead time are parts of T0: where the data cannot tell them apart, neither exceeds it by much
-    prior = np.zeros(jacobian.shape[1])
-    prior[:3] = 1e-2, 1.0 / (t0 + step) ** 2, 1.0 / (t0 + step) ** 2
-    information = jacobian.T @ jacobian / (variance * len(t) / n_eff) + np.diag(prior)
-    scatter = np.asarray(np.linalg.pinv(information)[:3, :3], dtype=np.float64)
     stamp = STAMP + (UNRESOLVED - STAMP) * max(1.0 - dead_time / (RESOLVED * step), 0.0)
     time_floor = (FLOOR_TIME * max(dead_time, 0.1 * t0)) ** 2 + (stamp * step) ** 2
     return Fit(
@@ -209,6 +234,7 @@ def with_uncertainty(
         quality=1.0 - rss / spread,
         log_likelihood=-0.5 * n_eff * math.log(max(rss / len(t), 1e-24 * spread)),
         sigma=math.sqrt(variance),
+        n_eff=n_eff,
         method=method,
     )
 
@@ -216,23 +242,35 @@ def with_uncertainty(
 def decide(fits: list[Fit], span: float) -> tuple[Fit | None, bool]:
     """Return the better of the fits of one window, and whether it is better beyond doubt.
 
+    A self-regulating model with a long lag is an integrating one, so it never explains less: it is believed
+    only where it explains more. Where it does not, and its lag is so long that it would be tuned as an
+    integrating process anyway, the process is called integrating.
+
     Parameters
     ----------
     fits
         One for each kind of process.
     span
         Length of the window [s]: a self-regulating process whose lag is longer than two of them has shown
-        nothing but its slope; to the eye and to a controller it is an integrating one.
+        nothing but its slope.
     """
-    ranked = sorted(fits, key=lambda f: -f.log_likelihood)
-    ramps = [f for f in ranked if f.process == SELF_REGULATING and f.lag > 2.0 * span]
-    if ramps and len(ranked) > len(ramps):
-        ranked = [f for f in ranked if f not in ramps]
-    if not ranked:
-        return None, False
-    if len(ranked) == 1:
-        return ranked[0], True
-    return ranked[0], ranked[0].log_likelihood - ranked[1].log_likelihood >= DECIDES
+    if len(fits) < 2:
+        return (fits[0], True) if fits else (None, False)
+    integrating = max((f for f in fits if f.process == INTEGRATING), key=lambda f: f.log_likelihood)
+    regulating = max((f for f in fits if f.process == SELF_REGULATING), key=lambda f: f.log_likelihood)
+    better = _better(regulating, integrating)
+    if better >= DECIDES and regulating.lag <= 2.0 * span:
+        return regulating, True
+    alike = regulating.lag > min(2.0 * span, ALIKE * (regulating.dead_time + regulating.lag2 / 2))
+    if better <= -DECIDES or alike:
+        return integrating, True
+    return (integrating if better < 0 else regulating), False
+
+
+def _better(one: Fit, other: Fit) -> float:
+    """By how much the log-likelihood of one fit exceeds another's, over the independent points of the poorer one."""
+    variances = [-2.0 * f.log_likelihood / f.n_eff for f in (one, other)]
+    return 0.5 * min(one.n_eff, other.n_eff) * (variances[1] - variances[0])
 
 
 def combine(fits: list[Fit]) -> Fit:
@@ -245,21 +283,18 @@ def combine(fits: list[Fit]) -> Fit:
         return fits[0]
     weights = [np.linalg.inv(f.cov) for f in fits]
     together = np.linalg.inv(np.sum(weights, axis=0))
-    mean = together @ np.sum(
-        [
-            w @ np.array([math.log(abs(f.gain)), f.lag, f.dead_time])
-            for w, f in zip(weights, fits, strict=True)
-        ],
-        axis=0,
-    )
+    # half a second lag counts as lag, half as dead time, as in the covariance
+    each = [np.array([math.log(abs(f.gain)), f.lag + f.lag2 / 2, f.dead_time + f.lag2 / 2]) for f in fits]
+    mean = together @ np.sum([w @ x for w, x in zip(weights, each, strict=True)], axis=0)
+    half = min(float(np.mean([f.lag2 for f in fits])) / 2, max(mean[1] / 2, 0.0), max(mean[2], 0.0))
     floor = np.mean([f.floor for f in fits], axis=0)
     best = max(fits, key=lambda f: f.quality)
     return replace(
         best,
         gain=math.copysign(math.exp(mean[0]), best.gain),
-        lag=max(float(mean[1]), 0.0),
-        dead_time=max(float(mean[2]), 0.0),
-        lag2=float(np.mean([f.lag2 for f in fits])),
+        lag=max(float(mean[1]) - half, 0.0),
+        dead_time=max(float(mean[2]) - half, 0.0),
+        lag2=2.0 * half,
         scatter=together,
         floor=floor,
         method=JOINT,
@@ -289,6 +324,179 @@ def model_response(window: Array, before: int, fit: Fit) -> Array:
     return np.asarray(x + np.polynomial.polynomial.polyval(t, rest), dtype=np.float64)
 
 
+# -- all models that explain a window ---------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Window:
+    """A window's columns, and what the searches of it need."""
+
+    kind: int
+    """As in `fitting`: 0, 1 for a set-point step, 2, 3 for a load step."""
+    t: Array
+    """(n,) [s]."""
+    u: Array
+    """(n,) OP from rest [OP]."""
+    y: Array
+    """(n,) PV, mean (and slope) taken out [PV]."""
+    at: Array
+    """(m,) times of PV in blocks [s]."""
+    since: Array
+    """(m,) times from which OP is held in blocks [s]."""
+    held: Array
+    """(m,) OP from rest, in blocks [OP]."""
+    mean: Array
+    """(m,) PV in blocks, mean (and slope) taken out [PV]."""
+
+    def free(self, names: tuple[int, ...]) -> NDArray[np.int64]:
+        """Return the places of these parameters, and of a load's onset."""
+        return np.array(names + ((ONSET,) if self.kind >= 2 else ()))
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """A model in the parameters of `fitting`, and how far others reach that explain the window as well."""
+
+    p: Array
+    gain: float
+    load: float
+    """Gain times the load's size [PV/s] or [PV]; 0 without a load."""
+    residual: Array
+    """(n,) [PV]."""
+    scatter: Array
+    """(3, 3) covariance of (ln |gain|, lag, dead time); half a second lag counts for each."""
+    log_likelihood: float
+    """-n_eff/2 ln(residual variance) of the best model with two lags."""
+    n_eff: float
+    """Independent points, of which that likelihood is."""
+
+
+def _window_of(t: Array, u: Array, y: Array, kind: int) -> _Window:
+    """Lay out a window for the searches.
+
+    Parameters
+    ----------
+    t, u, y
+        (n,) times [s], OP from rest [OP], PV [PV].
+    kind
+        As in `fitting`.
+    """
+    at, mean, since, held = blocks(t, u, y, MOST_POINTS)
+    return _Window(kind, t, u, project(y.copy(), t, kind), at, since, held, project(mean, at, kind))
+
+
+def _explain(w: _Window) -> _Found | None:
+    """Find the model of a window and its reach; None where OP explains nothing of PV."""
+    best, single, _ = search(w.at, w.since, w.held, w.mean, w.kind)
+    rest = np.empty(len(w.at))
+    gain, _, rss = evaluate(w.at, w.since, w.held, w.mean, w.kind, best, rest)
+    if not math.isfinite(rss) or not math.isfinite(gain) or gain == 0.0:
+        return None
+    rss = max(rss, LEAST_NOISE * float(w.mean @ w.mean))
+    n_eff = len(rest) / correlation_time(rest)
+    likelihood = -0.5 * n_eff * math.log(rss / len(rest))
+    found = _one_lag(w, single) if w.kind % 2 == 0 else _two_lags(w, best, rss / n_eff)
+    p, gain, load, scatter = found
+    residual = np.empty(len(w.t))
+    evaluate(w.t, w.t, w.u, w.y, w.kind, p, residual)
+    if (
+        not (math.isfinite(gain) and np.isfinite(scatter).all() and np.isfinite(residual).all())
+        or gain == 0.0
+    ):
+        return None
+    return _Found(p, gain, load, residual, scatter, likelihood, n_eff)
+
+
+def _one_lag(w: _Window, start: Array) -> tuple[Array, float, float, Array]:
+    """Return p, gain, gain times load, scatter of the best model with one lag, by its tangents."""
+    p, gain, load, _, _ = descend(
+        w.t, w.t, w.u, w.y, w.kind, start, w.free(SINGLE), bounds(w.t, w.kind), 0.0, 20, 1e-7
+    )
+    residual = np.empty(len(w.t))
+    evaluate(w.t, w.t, w.u, w.y, w.kind, p, residual)
+    tangents = slopes(w.t, w.t, w.u, w.kind, p, gain, load)
+    columns = [0, 1, 3, 4, 5] if w.kind >= 2 else [0, 1, 3]
+    step = float(w.t[-1] - w.t[0]) / len(w.t)
+    return p, gain, load, tangent_scatter(residual, tangents[:, columns], float(p[DEAD] + p[LAG]), step)
+
+
+def _two_lags(w: _Window, start: Array, noise: float) -> tuple[Array, float, float, Array]:
+    """Return p, gain, gain times load, scatter of the middle of the valley.
+
+    ``start`` is the best model of the blocks, ``noise`` the power of an independent one of their residuals [PV^2].
+    """
+    best = start
+    if len(w.t) > len(w.at):
+        best = descend(w.t, w.t, w.u, w.y, w.kind, start, w.free(EVERY), bounds(w.t, w.kind), 0.0, 8, 1e-7)[0]
+    cov = _by_tangents(w, start, noise)
+    # a prior of one sigma costs as much as one sigma of noise
+    prior = noise / SECOND_LAG**2
+    stride = max(0.5 * math.sqrt(cov[3, 3]), 1e-6 * float(w.t[-1] - w.t[0]))
+    nodes = walk(w.at, w.since, w.held, w.mean, w.kind, start, stride, prior, 0.5 / noise)
+    nodes = nodes[np.argsort(nodes[:, DEAD])]
+    weight = _weights(nodes[:, DEAD], nodes[:, -1])
+    middle = max(float(weight @ nodes[:, DEAD] + best[DEAD] - start[DEAD]), 0.0)
+    near = nodes[np.argmin(np.abs(nodes[:, DEAD] - middle)), :4].copy()
+    near[DEAD] = middle
+    p, gain, load, _, _ = descend(
+        w.t, w.t, w.u, w.y, w.kind, near, w.free(BESIDE), bounds(w.t, w.kind), prior * len(w.t) / len(w.at),
+        10, 1e-5,
+    )  # fmt: skip
+    away = _half_rule(nodes, nodes[:, 4]) - _half_rule(p[None], np.array([gain]))
+    # what is uncertain at each dead time, and how the dead times differ
+    others = [k for k in range(len(cov)) if k != 3]
+    beside = cov[np.ix_(others, others)] - np.outer(cov[others, 3], cov[3, others]) / cov[3, 3]
+    fold = np.zeros((3, len(others)))
+    fold[0, 0] = fold[1, 1] = 1.0
+    fold[1, 2] = fold[2, 2] = 0.5
+    return p, gain, load, fold @ beside @ fold.T + (away.T * weight) @ away
+
+
+def _by_tangents(w: _Window, p: Array, noise: float) -> Array:
+    """Covariance (4, 4) or (6, 6) of ln gain, lag, second lag, dead time [s], onset [s], ln size, by tangents."""
+    gain, load, _ = evaluate(w.at, w.since, w.held, w.mean, w.kind, p, np.empty(len(w.at)))
+    tangents = slopes(w.at, w.since, w.held, w.kind, p, gain, load)
+    # parts of T0: where the data cannot tell them apart, none exceeds it by much
+    t0 = float(p[DEAD] + p[LAG] * (1.0 + p[SHARE])) + float(w.t[-1] - w.t[0]) / len(w.t)
+    usual = np.array([10.0, t0, SECOND_LAG * t0, t0, 3.0 * t0, 3.0])[: tangents.shape[1]]
+    scaled = tangents * usual
+    inverse = np.linalg.inv(scaled.T @ scaled / noise + np.eye(len(usual)))
+    return np.asarray(inverse * np.outer(usual, usual))
+
+
+def _weights(at: Array, likelihood: Array) -> Array:
+    """Share of each node in the whole, by likelihood and by the stretch that it stands for; (n,)."""
+    weight = np.exp(likelihood - likelihood.max())
+    if len(at) > 1:
+        weight = weight * np.diff(np.concatenate([at[:1], (at[1:] + at[:-1]) / 2, at[-1:]]))
+    return np.asarray(weight / weight.sum()) if weight.sum() > 0 else np.full(len(at), 1.0 / len(at))
+
+
+def _half_rule(p: Array, gain: Array) -> Array:
+    """(n, 3) of ln |gain|, lag, dead time [s], half the second lag in each (half rule, Skogestad 2003)."""
+    half = p[:, LAG] * p[:, SHARE] / 2
+    return np.column_stack([np.log(np.abs(gain)), p[:, LAG] + half, p[:, DEAD] + half])
+
+
+def tangent_scatter(residual: Array, jacobian: Array, t0: float, step: float) -> Array:
+    """Return the (3, 3) covariance of (ln |gain|, lag, dead time) by tangents, the residuals' correlation considered.
+
+    Parameters
+    ----------
+    jacobian
+        (n, k): PV's change per unit of ln |gain|, of lag, of dead time [s], and of whatever else was fitted.
+    t0, step
+        Lags and dead time together, and the sample period [s].
+    """
+    n = len(residual)
+    power = float(residual @ residual) / max(n - 6, 1)
+    # lag and dead time are parts of T0: where the data cannot tell them apart, neither exceeds it by much
+    prior = np.zeros(jacobian.shape[1])
+    prior[:3] = 1e-2, 1.0 / (t0 + step) ** 2, 1.0 / (t0 + step) ** 2
+    information = jacobian.T @ jacobian / max(power * correlation_time(residual), 1e-300) + np.diag(prior)
+    return np.asarray(np.linalg.pinv(information)[:3, :3], dtype=np.float64)
+
+
 def correlation_time(residual: Array) -> float:
     """How many residuals carry the information of one (1 for white noise): 1 + 2 sum of autocorrelations.
 
@@ -305,43 +513,3 @@ def correlation_time(residual: Array) -> float:
             break
         total += 2.0 * r
     return min(total, n / 8)
-
-
-def _jacobian(t: Array, u: Array, y: Array, kind: int, best: Array) -> tuple[Array, Array, float]:
-    """Return residuals (n,), PV's change per unit of each parameter (n, k), and gain times the load's size.
-
-    The parameters are ln gain, lag, dead time [s], and for a load its onset [s] and ln size. All is projected.
-    """
-    dead_time, lag, third, gain = best[1:]
-    load, process = kind >= 2, kind % 2
-    lag2 = 0.0 if load else third
-    py = project(y.copy(), t, kind)
-
-    def moved_by_op(dead_time: float, lag: float) -> Array:
-        return np.asarray(gain * project(response(t, u, process, dead_time, lag, lag2), t, kind))
-
-    def moved_by_load(dead_time: float, lag: float, onset: float) -> Array:
-        return np.asarray(
-            project(load_response(t - t[0] - onset, process, 1.0, dead_time, lag, 0.0), t, kind)
-        )
-
-    by_op, size = moved_by_op(dead_time, lag), 0.0
-    if load:
-        unit = moved_by_load(dead_time, lag, third)
-        size = float((py - by_op) @ unit / (unit @ unit))
-
-    def at(dead_time: float, lag: float) -> Array:
-        pushed = size * moved_by_load(dead_time, lag, third) if load else 0.0
-        return moved_by_op(dead_time, lag) + pushed
-
-    here = at(dead_time, lag)
-    # a secant of 5 %: at a lag of zero the tangents of lag and dead time coincide
-    step = 0.05 * (lag + dead_time) + 0.05 * (t[-1] - t[0]) / len(t)
-    less_lag, less_dead = max(lag - step, 0.0), max(dead_time - step, 0.0)
-    by_lag = (at(dead_time, lag + step) - at(dead_time, less_lag)) / (lag + step - less_lag)
-    by_dead_time = (at(dead_time + step, lag) - at(less_dead, lag)) / (dead_time + step - less_dead)
-    columns = [here, by_lag, by_dead_time]
-    if load:
-        later = size * moved_by_load(dead_time, lag, third + step)
-        columns += [(later - size * unit) / step, size * unit]
-    return py - here, np.column_stack(columns), size

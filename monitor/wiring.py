@@ -1,0 +1,151 @@
+"""Whether the tags are what they say: SP rests, OP answers to the error, PV follows slowly enough to be seen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .state import jit
+
+CLEAR = 500.0
+"""Samples without which nothing is said of the wiring."""
+ANSWERS = 0.02
+"""Least share of OP's moves that the error and its changes explain; a P, PI or PID controller's are near 1."""
+ALIVE = 0.5
+"""Least share of samples at which OP moves, for that question."""
+EXACT = 0.9
+"""Share of samples from which on SP counts as tracking PV, or as being the measured one of the two."""
+DEAD = 0.1
+"""Largest share of samples at which a PV moves that is really a set point."""
+AFTER = 2
+"""Samples after a move of SP at which the rest of the error is looked at."""
+GONE = 0.2
+"""Share of an SP move that is left then, below which the response is over before it is seen."""
+MOVES = 3.0
+"""Moves of SP without which this is not judged."""
+SEEN = 5.0
+"""Standard deviations of noise that the moves must have (root mean square)."""
+FACTOR = 1.4
+"""Least factor by which SP and PV must jump together to look like a change of unit; 1 degC is 1.8 degF and 32."""
+ALIKE = 0.05
+"""Relative difference of their factors at most."""
+
+_f, _i = np.float64, np.int64
+FIELDS = [
+    *[(n, _f) for n in ("w_n", "w_sp", "w_pv", "w_op", "w_track", "w_units")],
+    *[(n, _f) for n in ("w_ee", "w_ed", "w_dd", "w_eo", "w_do", "w_oo")],
+    *[(n, _f) for n in ("w_moves", "w_move2", "w_rest", "w_move", "w_from")],
+    ("w_wait", _i),
+]
+
+
+@jit
+def trace(h, s, e, sp, pv, op):
+    """Take in one sample in automatic."""
+    h.w_n += 1.0
+    d, o = e - (s.sp - s.pv), op - s.op
+    h.w_ee += e * e
+    h.w_ed += e * d
+    h.w_dd += d * d
+    h.w_eo += e * o
+    h.w_do += d * o
+    h.w_oo += o * o
+    if o != 0.0:
+        h.w_op += 1.0
+    if pv != s.pv:
+        h.w_pv += 1.0
+        if e == 0.0:
+            h.w_track += 1.0
+    if h.w_wait > 0:
+        h.w_wait -= 1
+        if h.w_wait == 0:
+            h.w_rest += h.w_move * (e - h.w_from)
+            h.w_move2 += h.w_move * h.w_move
+            h.w_moves += 1.0
+    if sp != s.sp:
+        h.w_sp += 1.0
+        if h.w_wait == 0:
+            h.w_move, h.w_from, h.w_wait = sp - s.sp, s.sp - s.pv, AFTER
+        if pv != s.pv and _rescaled(h, s, sp, pv, o):
+            h.w_units += 1.0
+
+
+@jit
+def _rescaled(h, s, sp, pv, o):
+    """Whether SP and PV have jumped by the same large factor, which OP took no notice of."""
+    if s.sp == 0.0 or s.pv == 0.0:
+        return False
+    a, b = sp / s.sp, pv / s.pv
+    usual = h.w_oo / h.w_n
+    return (
+        a > 0.0
+        and (a > FACTOR or a < 1.0 / FACTOR)
+        and abs(a - b) < ALIKE * a
+        and abs(a - 1.0) * abs(s.sp) > 10.0 * abs(s.sp - s.pv)
+        and o * o <= 9.0 * usual
+    )
+
+
+@jit
+def unhook(h):
+    """Forget what ran, after a gap or a change of mode."""
+    h.w_wait = 0
+
+
+@jit
+def fade(h):
+    """Halve the sums."""
+    h.w_n *= 0.5
+    h.w_sp *= 0.5
+    h.w_pv *= 0.5
+    h.w_op *= 0.5
+    h.w_track *= 0.5
+    h.w_units *= 0.5
+    h.w_ee *= 0.5
+    h.w_ed *= 0.5
+    h.w_dd *= 0.5
+    h.w_eo *= 0.5
+    h.w_do *= 0.5
+    h.w_oo *= 0.5
+    h.w_moves *= 0.5
+    h.w_move2 *= 0.5
+    h.w_rest *= 0.5
+
+
+def sp_moving_of(h: Any) -> float | None:
+    """Return the share of samples at which SP moved: near 1 for a cascade's slave or a ramp."""
+    return float(h["w_sp"] / h["w_n"]) if h["w_n"] > 0 else None
+
+
+def tracking_of(h: Any) -> float:
+    """Return the share of PV's moves that SP went along with exactly: a loop in manual whose SP tracks PV."""
+    return float(h["w_track"] / h["w_pv"]) if h["w_pv"] >= 1.0 else 0.0
+
+
+def mapping_of(h: Any) -> bool:
+    """Whether the tags look wrongly wired: SP the noisy one and PV the resting one, or OP deaf to the error."""
+    n = float(h["w_n"])
+    if n < CLEAR:
+        return False
+    if h["w_sp"] > EXACT * n and h["w_pv"] < DEAD * n:
+        return True
+    return bool(h["w_op"] > ALIVE * n and h["w_pv"] > ALIVE * n and _explained(h) < ANSWERS)
+
+
+def _explained(h: Any) -> float:
+    """Return the share of OP's moves that the error and its change explain (least squares, no constant)."""
+    ee, ed, dd = (float(h[n]) for n in ("w_ee", "w_ed", "w_dd"))
+    eo, do, oo = (float(h[n]) for n in ("w_eo", "w_do", "w_oo"))
+    det = ee * dd - ed * ed
+    if oo <= 0.0 or det <= 1e-12 * ee * dd:
+        return 1.0
+    return (eo * eo * dd - 2.0 * eo * do * ed + do * do * ee) / (det * oo)
+
+
+def undersampled_of(h: Any, noise: float) -> bool:
+    """Whether PV is back at SP within two samples of SP's moves: the response is over before it is seen."""
+    n = float(h["w_moves"])
+    if n < MOVES or h["w_move2"] <= n * (SEEN * noise) ** 2:
+        return False
+    return bool(h["w_rest"] < GONE * h["w_move2"])

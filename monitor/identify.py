@@ -66,6 +66,18 @@ DECIDES = 6.0
 
 
 @dataclass(frozen=True, slots=True)
+class Valley:
+    """Models of one window along which the likelihood falls off slowly, on a way that is not straight."""
+
+    models: Array
+    """(k, 4) gain, lag, dead time, second lag [s]."""
+    deficit: Array
+    """(k,) squared sigmas by which each is less likely than the best."""
+    across: Array
+    """(3, 3) covariance of (ln |gain|, lag, dead time) by the residuals, at each of them."""
+
+
+@dataclass(frozen=True, slots=True)
 class Fit:
     """A half-rule model with its uncertainty."""
 
@@ -94,6 +106,8 @@ class Fit:
     """Size Ad of the load step at the process input [OP]; None for a set-point step."""
     onset: float | None = None
     """When the load stepped, from the window's time zero [s]."""
+    valley: Valley | None = None
+    """Where no covariance describes the models that the data allow: of a self-regulating process."""
     method: str = DIRECT
     """``direct`` (from OP as measured), ``indirect`` (closed loop simulated) or ``joint`` (several events)."""
 
@@ -186,7 +200,7 @@ def fit_window(
     p = found.p
     model = (found.gain, float(p[LAG]), float(p[DEAD]), float(p[LAG] * p[SHARE]))
     fit = with_uncertainty(process, model, t, y, found.residual, found.scatter, period)
-    fit = replace(fit, log_likelihood=found.log_likelihood, n_eff=found.n_eff)
+    fit = replace(fit, log_likelihood=found.log_likelihood, n_eff=found.n_eff, valley=found.valley)
     return replace(fit, size=found.load / found.gain, onset=float(p[ONSET])) if load else fit
 
 
@@ -297,6 +311,7 @@ def combine(fits: list[Fit]) -> Fit:
         lag2=2.0 * half,
         scatter=together,
         floor=floor,
+        valley=None,
         method=JOINT,
     )
 
@@ -365,6 +380,7 @@ class _Found:
     """(n,) [PV]."""
     scatter: Array
     """(3, 3) covariance of (ln |gain|, lag, dead time); half a second lag counts for each."""
+    valley: Valley | None
     log_likelihood: float
     """-n_eff/2 ln(residual variance) of the best model with two lags."""
     n_eff: float
@@ -396,7 +412,7 @@ def _explain(w: _Window) -> _Found | None:
     n_eff = len(rest) / correlation_time(rest)
     likelihood = -0.5 * n_eff * math.log(rss / len(rest))
     found = _one_lag(w, single) if w.kind % 2 == 0 else _two_lags(w, best, rss / n_eff)
-    p, gain, load, scatter = found
+    p, gain, load, scatter, valley = found
     residual = np.empty(len(w.t))
     evaluate(w.t, w.t, w.u, w.y, w.kind, p, residual)
     if (
@@ -404,10 +420,10 @@ def _explain(w: _Window) -> _Found | None:
         or gain == 0.0
     ):
         return None
-    return _Found(p, gain, load, residual, scatter, likelihood, n_eff)
+    return _Found(p, gain, load, residual, scatter, valley, likelihood, n_eff)
 
 
-def _one_lag(w: _Window, start: Array) -> tuple[Array, float, float, Array]:
+def _one_lag(w: _Window, start: Array) -> tuple[Array, float, float, Array, None]:
     """Return p, gain, gain times load, scatter of the best model with one lag, by its tangents."""
     p, gain, load, _, _ = descend(
         w.t, w.t, w.u, w.y, w.kind, start, w.free(SINGLE), bounds(w.t, w.kind), 0.0, 20, 1e-7
@@ -417,10 +433,11 @@ def _one_lag(w: _Window, start: Array) -> tuple[Array, float, float, Array]:
     tangents = slopes(w.t, w.t, w.u, w.kind, p, gain, load)
     columns = [0, 1, 3, 4, 5] if w.kind >= 2 else [0, 1, 3]
     step = float(w.t[-1] - w.t[0]) / len(w.t)
-    return p, gain, load, tangent_scatter(residual, tangents[:, columns], float(p[DEAD] + p[LAG]), step)
+    scatter = tangent_scatter(residual, tangents[:, columns], float(p[DEAD] + p[LAG]), step)
+    return p, gain, load, scatter, None
 
 
-def _two_lags(w: _Window, start: Array, noise: float) -> tuple[Array, float, float, Array]:
+def _two_lags(w: _Window, start: Array, noise: float) -> tuple[Array, float, float, Array, Valley]:
     """Return p, gain, gain times load, scatter of the middle of the valley.
 
     ``start`` is the best model of the blocks, ``noise`` the power of an independent one of their residuals [PV^2].
@@ -449,7 +466,10 @@ def _two_lags(w: _Window, start: Array, noise: float) -> tuple[Array, float, flo
     fold = np.zeros((3, len(others)))
     fold[0, 0] = fold[1, 1] = 1.0
     fold[1, 2] = fold[2, 2] = 0.5
-    return p, gain, load, fold @ beside @ fold.T + (away.T * weight) @ away
+    across = fold @ beside @ fold.T
+    models = np.column_stack([nodes[:, 4], nodes[:, LAG], nodes[:, DEAD], nodes[:, LAG] * nodes[:, SHARE]])
+    valley = Valley(models, 2.0 * (nodes[:, -1].max() - nodes[:, -1]), across)
+    return p, gain, load, across + _shrunk(nodes[:, DEAD], middle, weight) * (away.T * weight) @ away, valley
 
 
 def _by_tangents(w: _Window, p: Array, noise: float) -> Array:
@@ -470,6 +490,14 @@ def _weights(at: Array, likelihood: Array) -> Array:
     if len(at) > 1:
         weight = weight * np.diff(np.concatenate([at[:1], (at[1:] + at[:-1]) / 2, at[-1:]]))
     return np.asarray(weight / weight.sum()) if weight.sum() > 0 else np.full(len(at), 1.0 / len(at))
+
+
+def _shrunk(at: Array, middle: float, weight: Array) -> float:
+    """Factor on the variance where the valley ends before 1.96 sigma: at no dead time, or at no second lag."""
+    spread = math.sqrt(float(weight @ (at - middle) ** 2))
+    inside = at[(np.cumsum(weight) > 0.025) & (np.cumsum(weight[::-1])[::-1] > 0.025)]
+    reach = float(np.max(np.abs(inside - middle), initial=0.0))
+    return min(1.0, reach / (Z95 * spread)) ** 2 if spread > 0 else 1.0
 
 
 def _half_rule(p: Array, gain: Array) -> Array:

@@ -47,6 +47,10 @@ __all__ = ["FURTHEST", "STAGE", "Advice", "Withheld", "advise", "op_noise"]
 
 GAIN_WORTH = 0.85
 """A suggestion for speed must bring the predicted error below this share of today's."""
+LEAST_SHARE = 0.5
+"""Least share of an uncertain reference's error that is still asked for."""
+NEAR = 0.02
+"""Gain, as a share of the reference's error, for which a suggestion goes one step away from the rule itself."""
 WANTED = {SETPOINT: (SETPOINT,), LOAD: (LOAD,)}
 """Kinds of step that count for an objective; both where it is not named here."""
 
@@ -129,26 +133,24 @@ def advise(
         else:
             times, candidates = named_candidates(name, model, times)
         found = search(limits, form, times, candidates)
-        return _best(found, model, structure, tc, name, ms)
+        return _best(found, fit, structure, tc, name, ms)
     except (ValueError, NotRepresentableError) as error:
         return Withheld(f"no settings of the rule {name} for this model: {error}")
 
 
 def _best(
-    found: Search, model: Model, structure: str, tc: float, rule: str, ms: float | None
+    found: Search, fit: Fit, structure: str, tc: float, rule: str, ms: float | None
 ) -> Advice | Withheld:
     """Take the candidate that serves the loop's objective best and is, looked at exactly, safe."""
     limits, loop = found.limits, found.limits.loop
-    today = settings_of(loop, found.form)
-    references = _references(loop, model, structure, tc)
+    today, model = settings_of(loop, found.form), model_of(fit)
+    references = _references(loop, fit, structure, tc)
     while found.at:
         candidates = found.typed()
         figures = _predicted(model, [*candidates.values(), *([] if today is None else [today])])
         before = None if today is None else figures[-1]
         worths = [_error(references, f) for f in figures]
-        k = min(
-            range(len(candidates)), key=lambda n: worths[n] + 1e-3 * n
-        )  # the rule itself, where all are alike
+        k = min(range(len(candidates)), key=lambda n: worths[n] + NEAR * n)
         row, new = list(candidates.items())[k]
         ms_new, ms_worst = limits.worst(new)
         broken = [why for why, where in limits.broken(new) if np.any(where)]
@@ -178,14 +180,36 @@ def _best(
 def _worthwhile(loop: Loop, before: Figures, after: Figures, worth_before: float, worth_after: float) -> bool:
     """Whether the error that counts shrinks by 15 %, for one kind of step at least, and not at the other's cost."""
     wanted = WANTED.get(loop.objective, (SETPOINT, LOAD))
-    shrinks = [after[k] <= GAIN_WORTH * before[k] for k, kind in ((1, SETPOINT), (2, LOAD)) if kind in wanted]
+    shrinks = [after[k] < GAIN_WORTH * before[k] for k, kind in ((1, SETPOINT), (2, LOAD)) if kind in wanted]
     return any(shrinks) and not worth_after > worth_before
 
 
-def _references(loop: Loop, model: Model, structure: str, tc: float) -> dict[int, float]:
-    """IAE of the reference for the kinds of step that count, by their place in `Figures`; empty where none is known."""
+@dataclass(frozen=True, slots=True)
+class _Reference:
+    """What is asked of a response to one kind of step."""
+
+    iae: float
+    """IAE of the reference, unit step."""
+    enough: float
+    """Share of it below which less is worth nothing."""
+
+
+def _references(loop: Loop, fit: Fit, structure: str, tc: float) -> dict[int, _Reference]:
+    """Return the references of the kinds of step that count, by their place in `Figures`; empty where none is known.
+
+    To be better than the reference is worth nothing, but for one sigma of the reference: its errors go with
+    tc + theta, or for a load with gain (tc + theta)^2, of the model found. (Without that margin a dead time that was
+    found too long makes a suggestion too slow by its square.)
+    """
+    model = model_of(fit)
+    theta = float(reduced(model, structure).dead_time)
+    half = 0.5 if structure in {"p", "pi"} and isinstance(model, IntegratingModel) else 0.0
+    weights = np.array([0.0, half, 1.0])
+    moved = 2.0 if loop.closed_loop_time is None and tc == theta else 1.0  # tc goes with the dead time
+    time = moved * math.sqrt(max(float(weights @ fit.cov @ weights), 0.0)) / (tc + theta)
+    load = math.hypot(2.0 * time, math.sqrt(fit.cov[0, 0]))
     references = {}
-    for place, kind in ((1, SETPOINT), (2, LOAD)):
+    for place, kind, sigma in ((1, SETPOINT, time), (2, LOAD, load)):
         if kind not in WANTED.get(loop.objective, (SETPOINT, LOAD)):
             continue
         try:
@@ -193,18 +217,18 @@ def _references(loop: Loop, model: Model, structure: str, tc: float) -> dict[int
         except ValueError:
             continue
         if math.isfinite(best):
-            references[place] = best
+            references[place] = _Reference(best, max(math.exp(-sigma), LEAST_SHARE))
     return references
 
 
-def _error(references: dict[int, float], figures: Figures) -> float:
-    """Sum of the predicted errors over the reference's; to be better than the reference is worth nothing."""
-    return sum(max(figures[place] / best, 1.0) for place, best in references.items())
+def _error(references: dict[int, _Reference], figures: Figures) -> float:
+    """Sum of the predicted errors over the reference's, as far as they matter."""
+    return sum(max(figures[place] / best.iae, best.enough) for place, best in references.items())
 
 
-def _index(references: dict[int, float], figures: Figures) -> float | None:
+def _index(references: dict[int, _Reference], figures: Figures) -> float | None:
     """Least predicted index."""
-    indices = [best / figures[place] for place, best in references.items() if figures[place] > 0]
+    indices = [best.iae / figures[place] for place, best in references.items() if figures[place] > 0]
     return min(indices) if indices else None
 
 

@@ -17,10 +17,12 @@ from twin import noise_through
 
 from monitor.advise import FURTHEST, STAGE, Advice, Withheld, advise, op_noise
 from monitor.identify import SELF_REGULATING, Fit
-from monitor.loops import Loop
-from monitor.reference import held, model_of
+from monitor.loops import CONTROLLERS, OBJECTIVES, Loop
+from monitor.reference import held, model_of, reference_structure
+from monitor.region import uncertain_models
 from tuners.models import IntegratingModel
 from tuners.robustness import peak_sensitivity
+from tuners.rules import RULES
 from tuners.settings import Settings
 
 PERIOD = 0.5
@@ -288,3 +290,210 @@ def test_the_region_grows_with_correlation():
     worse = given_advice(sluggish(), replace(fit, scatter=together))
     better = given_advice(sluggish(), replace(fit, scatter=apart))
     assert float(worse.settings.kp) < float(better.settings.kp)
+
+
+def wide(**facts: Any) -> Fit:
+    """A fit whose gain and times are so uncertain that the reference has to be slowed down."""
+    return make_fit(**({"lag": 0.0, "sd": (0.15, 0.5, 1.5)} | facts))
+
+
+def product(advice: Advice, gain: float = 0.05) -> float:
+    standard = advice.settings.to("standard")
+    return float(standard.kp * gain * standard.ti)
+
+
+def test_a_slow_suggestion_keeps_its_integral_action_for_the_load():
+    """Where tc has to be raised, Ti is held back less for a load, not below Kc K Ti = 2.4; not for a set point."""
+    setpoint, load, both = (
+        given_advice(sluggish(kp=0.2, objective=objective), wide())
+        for objective in ("setpoint", "load", "both")
+    )
+    assert product(setpoint) == pytest.approx(4.0, rel=0.02)
+    assert 2.35 < product(load) < 3.9
+    assert load.after[2] < 0.9 * setpoint.after[2]
+    assert setpoint.after[1] <= load.after[1]
+    errors = [sum(advice.after[k] / setpoint.after[k] for k in (1, 2)) for advice in (both, setpoint)]
+    assert errors[0] <= errors[1] + 1e-9
+    assert both.after[0] < 0.5
+
+
+def test_a_sharp_model_gets_the_rule_itself():
+    """Where the reference is safe it is the suggestion: tc and Kc K Ti as the rule says."""
+    fit = make_fit(lag=0.0, dead_time=4.0, sd=(0.001, 0.01, 0.01))
+    advice = given_advice(sluggish(kp=0.8), replace(fit, floor=np.zeros(3)))
+    assert advice.closed_loop_time == pytest.approx(4.0)
+    assert product(advice) == pytest.approx(4.0, rel=0.01)
+    assert advice.ci == pytest.approx(1.0, abs=0.06)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    sd=st.tuples(st.floats(0.005, 0.4), st.floats(0.01, 3.0), st.floats(0.01, 3.0)),
+    lag=st.floats(0.0, 20.0),
+    td=st.sampled_from([0.0, 3.0]),
+    objective=st.sampled_from(["both", "load", "setpoint"]),
+    form=st.sampled_from(["standard", "series", "parallel"]),
+)
+def test_an_integrator_never_gets_too_much_integral_action(sd, lag, td, objective, form):
+    """Kc K Ti of the suggestion stays well above 2, where a loop begins to roll."""
+    loop = sluggish(kp=0.3, td=td, objective=objective, form=form)
+    advice = asked(loop, make_fit(lag=lag, sd=sd))
+    if isinstance(advice, Advice):
+        assert product(advice) > 2.35
+
+
+RULED = [
+    ("imc-pi", {}, "imc-pi"),
+    ("tyreus-luyben", {}, "tyreus-luyben"),
+    ("amigo", {"td": 2.0}, "amigo"),
+    ("chakraborty", {"td": 2.0, "b": 0.0, "c": 0.0}, "chakraborty"),
+    ("amigo", {}, "simc-pi"),  # PI stays PI
+    ("imc-pi", {"td": 2.0}, "simc-pid"),
+    ("chakraborty", {"td": 2.0}, "simc-pid"),  # an I-PD rule is for an I-PD
+    ("cohen-coon-pi", {}, "simc-pi"),  # not for integrating processes
+    ("averaging", {}, "simc-pi"),  # what an objective asks for is no rule for every loop
+]
+
+
+@pytest.mark.parametrize(("rule", "facts", "used"), RULED)
+def test_a_rule_by_name(rule, facts, used):
+    """Any rule that serves the loop's structure and process; the reference rule for other loops."""
+    loop = sluggish(ms_max=3.0, **facts)
+    advice = advise(loop, loop.form, make_fit(), 0.0, PERIOD, None, rule)
+    assert isinstance(advice, Advice), advice
+    assert advice.rule == used
+    assert advice.ms_worst <= 3.0
+    assert (float(advice.settings.td) > 0) == bool(facts.get("td"))
+    made = RULES[rule]
+    if used == rule and "closed_loop_time" not in made.parameters:
+        exact = made.function(model_of(make_fit())).to("standard")
+        assert float(advice.settings.kp) == pytest.approx(float(exact.kp), rel=0.006)
+        assert math.isnan(advice.closed_loop_time)
+
+
+def test_a_rule_by_name_is_not_exempt():
+    """Ziegler-Nichols breaks the limit, and without a closed-loop time it cannot be slowed down."""
+    loop = sluggish(kp=0.3)
+    none = advise(loop, "standard", make_fit(), 0.0, PERIOD, None, "ziegler-nichols-pi")
+    assert isinstance(none, Withheld)
+    assert "Ms" in none.reason
+    tight = sluggish(kp=0.3, closed_loop_time=0.5)
+    slowed = advise(tight, "standard", make_fit(), 0.0, PERIOD, None, "imc-pi")
+    assert isinstance(slowed, Advice)
+    assert slowed.closed_loop_time > 1.0
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_every_rule_is_safe_or_withheld(rule):
+    """Whatever is named, for every structure and kind of process: no exception, no broken limit, no new structure."""
+    for process in ("integrating", SELF_REGULATING):
+        fit = make_fit(lag=8.0, dead_time=3.0, process=process)
+        for facts in ({}, {"td": 2.0}, {"ti": math.inf}, {"td": 2.0, "b": 0.0, "c": 0.0}):
+            loop = sluggish(kp=0.5, form="series", **facts)
+            advice = advise(loop, "series", fit, 0.01, PERIOD, None, rule)
+            if isinstance(advice, Withheld):
+                assert advice.reason
+            else:
+                assert advice.ms_worst <= 2.2
+                assert math.isfinite(float(advice.settings.ti)) == math.isfinite(loop.ti)
+                assert not (float(advice.settings.td) > 0 and not facts.get("td"))
+
+
+def test_a_gain_of_the_other_sign_is_not_turned_round():
+    """Today's settings could not run that process: the table or the model is wrong."""
+    none = advise(sluggish(kp=-0.6), "standard", make_fit(), 0.0, PERIOD, None)
+    assert isinstance(none, Withheld)
+    assert "sign" in none.reason
+
+
+def test_an_averaging_level_keeps_its_structure():
+    """Gain by load and room; damping 1 where there is integral action, and none added where there is not."""
+    facts = {"kp": 0.5, "objective": "averaging", "max_load": 5.0, "max_deviation": 5.0}
+    with_integral = given_advice(Loop(name="L", ti=400.0, **facts))
+    assert float(with_integral.settings.kp) == 1.0
+    assert product(with_integral) == pytest.approx(4.0, rel=0.01)
+    assert math.isinf(float(given_advice(Loop(name="L", **facts)).settings.ti))
+    far = asked(Loop(name="L", ti=400.0, **(facts | {"max_load": 100.0})))
+    assert isinstance(far, Withheld)
+    assert "10 times" in far.reason
+
+
+def test_a_proportional_loop_is_left_alone_where_nothing_is_gained():
+    """An offset that no gain takes away is no error that shrinks."""
+    first = given_advice(Loop(name="L", kp=0.4))
+    again = asked(Loop(name="L", kp=float(first.settings.kp)))
+    assert isinstance(again, Withheld)
+    assert again.fine_as_it_is
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    process=st.sampled_from(["integrating", SELF_REGULATING]),
+    gain=st.floats(1e-6, 1e6),
+    times=st.tuples(*[st.one_of(st.just(0.0), st.floats(1e-3, 1e3))] * 3),
+    sd=st.tuples(*[st.one_of(st.just(0.0), st.floats(1e-6, 3.0))] * 3),
+    turned=st.floats(-1.0, 1.0),
+    kp=st.one_of(st.none(), st.floats(1e-3, 1e3)),
+    ti=st.one_of(st.just(math.inf), st.floats(0.01, 1e4)),
+    td=st.one_of(st.just(0.0), st.floats(1e-3, 1e3)),
+    form=st.sampled_from(["standard", "series", "parallel"]),
+    objective=st.sampled_from(OBJECTIVES),
+    controller=st.sampled_from(["", *CONTROLLERS]),
+    weights=st.sampled_from([(1.0, 1.0), (1.0, 0.0), (0.0, 0.0), (0.5, 0.0)]),
+    noise=st.sampled_from([0.0, 1e-3, 10.0]),
+    ms_max=st.floats(1.05, 4.0),
+    rule=st.sampled_from([None, None, "imc-pid", "imc-pi", "kaya-iste", "ziegler-nichols", "lambda-pi"]),
+    seed=st.integers(0, 99),
+)
+def test_nothing_that_comes_in_leads_to_harm(
+    process,
+    gain,
+    times,
+    sd,
+    turned,
+    kp,
+    ti,
+    td,
+    form,
+    objective,
+    controller,
+    weights,
+    noise,
+    ms_max,
+    rule,
+    seed,
+):
+    """Degenerate models and covariances, all settings: never an exception, a broken limit or another structure."""
+    dead_time, lag, lag2 = times
+    unit = max(sum(times), 1e-3)
+    spread = np.array(sd) * [1.0, unit, unit]
+    scatter = np.diag(spread**2)
+    scatter[1, 2] = scatter[2, 1] = turned * spread[1] * spread[2]
+    fit = replace(
+        make_fit(-gain, lag, dead_time, process=process, lag2=lag2 if process == SELF_REGULATING else 0.0),
+        scatter=scatter, floor=np.zeros(3),
+    )  # fmt: skip
+    size = gain * (unit if process == "integrating" else 1.0)
+    loop = Loop(
+        name="L", kp=None if kp is None else -kp / size, ti=ti * unit if kp else math.inf, td=td * unit if kp else 0.0,
+        form=form, objective=objective, controller=controller, b=weights[0], c=weights[1], ms_max=ms_max,
+        op_low=0.0, op_high=100.0, allow_pd=bool(seed % 2), max_load=5.0 if seed % 3 else None, max_deviation=2.0,
+    )  # fmt: skip
+    advice = advise(loop, form, fit, noise, 0.1 * unit, None, rule)
+    if isinstance(advice, Withheld):
+        assert advice.reason
+        return
+    new, structure = advice.settings, reference_structure(loop)
+    exact = np.max(peak_sensitivity(uncertain_models(fit, 0.1 * unit), new))
+    assert advice.ms_worst == pytest.approx(float(exact), rel=1e-9)
+    assert exact <= ms_max
+    assert float(new.kp) < 0
+    assert new.form == form
+    assert advice.stages[-1] == new
+    assert math.isfinite(float(new.ti)) == (structure in {"pi", "pid"})
+    assert float(new.td) == 0 or structure in {"pd", "pid"}
+    if loop.kp is not None:
+        assert 0.099 < float(new.kp) / loop.kp < 10.1
+        with_today = [Settings(loop.kp, loop.ti, loop.td, loop.filter_time, form), *advice.stages]
+        peaks = [float(peak_sensitivity(held(model_of(fit), 0.1 * unit), s)) for s in with_today]
+        assert len(advice.stages) == 1 or max(peaks[1:]) <= max(ms_max, peaks[0]) * 1.001

@@ -273,7 +273,7 @@ def _moves(x):
     if x.kind == TAG_AUTO:
         return x.auto != UNKNOWN
     if x.kind == SAMPLE:
-        return np.isfinite(x.sp) and np.isfinite(x.pv) and np.isfinite(x.op)
+        return np.isfinite(x.pv) and np.isfinite(x.op)  # a set point holds until another comes
     return np.isfinite(x.pv) or np.isfinite(x.sp) or np.isfinite(x.op)  # the one that the tag brings
 
 

@@ -70,6 +70,8 @@ MOST_UNKEPT = 10_000
 """Records that wait for a store that fails; beyond, the oldest are given up and counted."""
 STALE_PERIODS, STALE_SECONDS = 3.0, 10.0
 """Sample periods without a good sample, and the least time [s], after which a loop counts as stale."""
+STALE_UNKNOWN = 600.0
+"""The same while a loop's period is not known yet [s]."""
 STALE_EVERY = 1.0
 """Between two looks at who has fallen silent [s]."""
 TIDY_EVERY = 60.0
@@ -501,6 +503,7 @@ class Service:
         n = len(self.engine.detector.state)
         state = self.engine.detector.state
         limit = np.maximum(STALE_PERIODS * state["period"], STALE_SECONDS)
+        limit = np.where(state["period"] > 0, limit, STALE_UNKNOWN)
         heard = state["seen"] > 0
         found = set(np.flatnonzero(heard & (now - self.order.state["arrival"][:n] > limit)).tolist())
         silent = bool(found) and len(found) == int(heard.sum())

@@ -139,7 +139,7 @@ def test_every_sample_comes_out_or_is_counted(drawn, seed):
     got = through(order, np.split(arrived, cuts))
     assert len(got) + order.late + order.duplicate == len(arrived)
     for loop in range(3):
-        good = [r[1] for r in got if r[0] == loop and r[6] >= UNCERTAIN and None not in r[2:5]]
+        good = [r[1] for r in got if r[0] == loop and r[6] >= UNCERTAIN and None not in r[3:5]]
         assert good == sorted(good)
 
 
@@ -168,7 +168,7 @@ def test_what_is_older_than_a_released_one_is_late():
     [
         pytest.param({"pv": NAN, "sp": NAN, "op": NAN}, id="nothing"),
         pytest.param({"pv": NAN}, id="no-pv"),
-        pytest.param({"sp": NAN}, id="no-sp"),
+        pytest.param({"op": NAN}, id="no-op"),
         pytest.param({"pv": math.inf}, id="infinite"),
         pytest.param({"quality": 0}, id="bad-quality"),
         pytest.param({"kind": TAG_AUTO, "auto": UNKNOWN}, id="mode-not-read"),

@@ -1,0 +1,222 @@
+"""Rows 50 to 56 and 61 to 63 of the bad-data matrix: loops that come and go, bursts, losses, months."""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import threading
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from harness import (
+    LOST,
+    NAME,
+    SECOND,
+    SETTINGS,
+    START,
+    FakeBus,
+    Live,
+    Outcome,
+    both,
+    frame_of,
+    good,
+    live,
+    messages,
+    same,
+)
+
+from monitor.adapters.store import StoreError
+from monitor.adapters.zenoh_bus import Ring
+from monitor.records import GOOD
+
+N = 700
+
+
+def test_loops_that_come_and_go(clean: Outcome, tmp_path: Path) -> None:
+    """One joins in mid-stream, one vanishes, one is renamed: the others' records are the same to the last bit."""
+    parts = [
+        good(N),
+        good(N, name="JOINS", seed=1)[250:],
+        good(N, name="VANISHES", seed=2)[:450],
+        good(N, name="OLD-NAME", seed=3)[:200],
+        good(N, name="NEW-NAME", seed=3)[200:],
+    ]
+    data = pd.concat(parts).sort_values("time", kind="stable", ignore_index=True)
+    monitor = Live(tmp_path, [])
+    for _, second in data.groupby("time"):
+        monitor.put([("plant/frame", frame_of(second))], 1.0)
+    status = monitor.status()
+    assert status["stale"] == ["VANISHES", "OLD-NAME"]
+    assert status["loops"]["total"] == 5
+    found = monitor.outcome()
+    monitor.close()
+    alone = live(good(N), tmp_path / "alone", "frame", [])
+    mine = [e for e in found.events if e.loop == NAME]
+    assert mine == alone.events
+    assert found.rows[NAME] == alone.rows[NAME]
+    assert {e.id for e in mine} == {clean.event.id}
+    assert [e.state for e in found.events if e.loop == "VANISHES"] == ["interrupted"]
+
+
+def test_a_name_that_comes_back_goes_on_behind_a_gap(tmp_path: Path) -> None:
+    """Silent for two hours, then there again: the same row, nothing integrated across."""
+    data = good(1700, at=1100)
+    data["time"] = data["time"].where(data.index < 600, data["time"] + 7200 * SECOND)
+    found = both(data, tmp_path)
+    assert (found.states, found.row.verdict) == (["settled"], GOOD)
+    assert 0.15 < found.row.coverage < 0.25
+
+
+@pytest.mark.parametrize("payload", ["sample", "frame", "tag"])
+def test_a_backlog_of_a_minute_in_one_go(clean: Outcome, tmp_path: Path, payload: str) -> None:
+    """What piled up at a gateway comes at once: in order of the source's time, no wrong interval; the delay shows."""
+    monitor = Live(tmp_path)
+    rows = messages(good(N), payload)
+    for k in range(290):
+        monitor.put(rows[k], 1.0)
+    late = monitor.now
+    for k in range(290, 350):
+        for key, data in rows[k]:
+            monitor.bus.put(key, data, late + (k - 290) * SECOND)
+    monitor.wait(60.0)
+    said = [json.loads(p) for k, p, _ in monitor.bus.said if k.endswith("/@/monitor/status")]
+    for k in range(350, N):
+        monitor.put(rows[k], 1.0)
+    found = monitor.outcome()
+    monitor.close()
+    same(found, clean)
+    assert said[-1]["latency"] == pytest.approx(60.0, abs=0.1)
+    assert found.about["latency"] < 1.0
+
+
+def test_a_consumer_that_is_too_slow_loses_the_oldest_and_counts(tmp_path: Path) -> None:
+    """The ring is full: its oldest go, each counted; what is left is used, and the hole is a gap."""
+    monitor = Live(tmp_path)
+    monitor.bus.ring = Ring(most_messages=100)
+    rows = [m for single in messages(good(N)) for m in single]
+    monitor.put(rows[:50], 50.0)
+    for message in rows[50:550]:
+        monitor.bus.put(*message, monitor.now)
+    monitor.wait(500.0)
+    monitor.put(rows[550:], 150.0)
+    found = monitor.outcome()
+    monitor.close()
+    assert (found.about["dropped"], found.counts["ok"], found.about["messages"]) == (450, 250, N)
+    assert found.row.coverage < 0.5
+
+
+def test_a_failing_disk_stops_nothing(
+    clean: Outcome, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No write succeeds while the step happens: detection goes on, not ready; afterwards all is said, no restart."""
+    monitor = Live(tmp_path)
+    works = type(monitor.store).transaction
+
+    def fails(_: object) -> object:
+        raise StoreError("disk full")
+
+    for k, single in enumerate(messages(good(N))):
+        monkeypatch.setattr(type(monitor.store), "transaction", fails if 250 <= k < 650 else works)
+        monitor.put(single, 1.0)
+        if 310 <= k < 650:
+            assert not monitor.status()["ready"]
+            assert monitor.status()["waiting_for_store"] > 0
+    assert monitor.status()["ready"]
+    found = monitor.outcome()
+    kept = monitor.store.counts()["assessment"]
+    monitor.close()
+    same(found, clean)
+    assert kept == 1
+    assert found.about["given_up"] == 0
+
+
+def test_other_units_of_the_whole_record(clean: Outcome, tmp_path: Path) -> None:
+    """SP and PV as 1.8 x + 32, OP as a fraction: the same events; indices the same, the integral scales."""
+    data = good(N)
+    for column in ("sp", "pv"):
+        data[column] = 1.8 * data[column] + 32.0
+    data["op"] *= 0.01
+    found = both(data, tmp_path, table=[{**SETTINGS, "kp": 14.0 * 0.01 / 1.8}])
+    assert [(e.id, e.state, e.end) for e in found.events] == [(e.id, e.state, e.end) for e in clean.events]
+    assert found.row.verdict == clean.row.verdict
+    assert found.event.ci == pytest.approx(clean.event.ci, rel=1e-6)
+    assert found.event.ms == pytest.approx(clean.event.ms, rel=1e-3)
+    assert found.event.iae == pytest.approx(1.8 * clean.event.iae, rel=1e-6)
+    assert found.event.gain == pytest.approx(180 * clean.event.gain, rel=1e-6)
+
+
+@pytest.mark.parametrize("every", [0.5, 7.0, 120.0])
+def test_stream_and_batch(clean: Outcome, tmp_path: Path, every: float) -> None:
+    """However the samples are cut into ticks, live is the audit, to the last bit."""
+    same(live(good(N), tmp_path, every=every), clean)
+
+
+# ---------------------------------------------------------------------------------------------------
+# months
+
+
+def resident() -> int:
+    """Memory of this process [bytes]."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def open_files() -> int:
+    """How many file descriptors this process has open."""
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+def month(folder: Path, loops: int, days: int, period: int = 60, hours: int = 6) -> None:
+    """Run some loops for a month through the service, with bad samples; memory, files and threads stay."""
+    names = [f"L{k}" for k in range(loops)]
+    monitor = Live(folder, [{"name": n, "kp": 1.0, "ti": 600.0, "period": period} for n in names])
+    monitor.bus = monitor.service.bus = Forgetful()
+    rng = np.random.default_rng(0)
+    n = hours * 3600 // period
+    frame = pd.DataFrame({"loop": np.tile(names, n), "sp": 50.0, "op": 40.0})
+    seen, memory = 0, []
+    offsets = np.repeat(np.arange(n), loops) * period * SECOND
+    begun: tuple[int, int] | None = None
+    for hour in range(0, days * 24, hours):
+        pv = 50.0 + rng.normal(0, 0.1, n * loops)
+        pv[rng.integers(0, len(pv), 3)] = np.nan
+        frame["pv"], frame["time"] = pv, START * SECOND + hour * 3600 * SECOND + offsets
+        frame["sp"] = 50.0 + 5.0 * (hour // 12 % 2)
+        monitor.put([("plant/frame", frame_of(frame))], hours * 3600.0)
+        seen += len(frame)
+        if (hour + hours) % 24 == 0:
+            gc.collect()
+            memory.append(resident())
+        if hour == 48:
+            begun = open_files(), threading.active_count()
+    status = monitor.status()
+    used = status["samples_ok"] + status["held"] + sum(status.get(name, 0) for name in LOST)
+    assert used == seen
+    assert status["bad_value"] > 0
+    assert status["late"] == status["duplicate"] == status["dropped"] == 0
+    assert (open_files(), threading.active_count()) == begun
+    half = len(memory) // 2
+    slope = np.polyfit(np.arange(half), memory[-half:], 1)[0]
+    assert slope < max(2e6, 0.01 * memory[-1]), f"{slope / 1e6:.1f} MB a day"
+    monitor.close()
+
+
+class Forgetful(FakeBus):
+    """A bus that keeps nothing of what was said."""
+
+    def say(self, *_: object) -> None:
+        """Forget it."""
+
+
+def test_a_month(tmp_path: Path) -> None:
+    """Thirty days of a few loops: memory, file descriptors and threads flat, every sample accounted for."""
+    month(tmp_path, 5, 30)
+
+
+@pytest.mark.slow
+def test_a_month_of_a_thousand_loops(tmp_path: Path) -> None:
+    """The same for a thousand loops at a sample a minute."""
+    month(tmp_path, 1000, 30, hours=1)

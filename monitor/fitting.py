@@ -468,6 +468,23 @@ def slopes(at, t, u, kind, p, gain, load):
 
 
 @jit
+def of_pulses(at, kind, gain, p, first, end, area, inverse):
+    """Return what pulses of OP between these times, of these areas [OP s], do to parameters: (parameters, pulses).
+
+    ``inverse`` (parameters, n) is the pseudo-inverse of PV's change per unit of each.
+    """
+    out = np.zeros((len(inverse), len(first)))
+    for k in range(len(first)):
+        on = load_response(at - first[k], kind % 2, gain, p[DEAD], p[LAG], p[SHARE] * p[LAG])
+        off = load_response(at - end[k], kind % 2, gain, p[DEAD], p[LAG], p[SHARE] * p[LAG])
+        for i in range(len(at)):
+            moved = (on[i] - off[i]) * area[k] / (end[k] - first[k])
+            for j in range(len(inverse)):
+                out[j, k] += inverse[j, i] * moved
+    return out
+
+
+@jit
 def closed_loop(r, period, kind, gain, dead_time, lag, lag2, kp, ki, kd, tf, b, c):
     """PV of the loop from rest, scan by scan: the model under a PID (standard form, backward differences).
 

@@ -28,6 +28,7 @@ from .fitting import (
     descend,
     evaluate,
     load_response,
+    of_pulses,
     project,
     response,
     search,
@@ -56,6 +57,8 @@ ALIKE = 8.0
 """Lag, in dead times, from which SIMC's integral time is that for an integrating process (Skogestad 2003)."""
 SECOND_LAG = 0.3
 """One sigma of a second lag as a share of the first: a process whose lags are alike is rare."""
+LOST = 0.3
+"""Sample periods by which a step of time is longer than usual where a sample is missing."""
 LEAST_NOISE = 1e-10
 """Least power of the residuals, as a share of PV's: no model is better than that, and no number either."""
 SINGLE, BESIDE, EVERY = ((DEAD, LAG), (LAG, SHARE), (DEAD, LAG, SHARE))
@@ -194,7 +197,7 @@ def fit_window(
     if not np.any(u) or np.ptp(y) == 0:
         return None
     kind = (0 if process == INTEGRATING else 1) + (2 if load else 0)
-    found = _explain(_window_of(t, u, y, kind))
+    found = _explain(_window_of(t, u, y, kind, period))
     if found is None:
         return None
     p = found.p
@@ -360,6 +363,8 @@ class _Window:
     """(m,) times from which OP is held in blocks [s]."""
     held: Array
     """(m,) OP from rest, in blocks [OP]."""
+    period: float | None
+    """Sample period [s]."""
     mean: Array
     """(m,) PV in blocks, mean (and slope) taken out [PV]."""
 
@@ -387,7 +392,7 @@ class _Found:
     """Independent points, of which that likelihood is."""
 
 
-def _window_of(t: Array, u: Array, y: Array, kind: int) -> _Window:
+def _window_of(t: Array, u: Array, y: Array, kind: int, period: float | None) -> _Window:
     """Lay out a window for the searches.
 
     Parameters
@@ -396,9 +401,11 @@ def _window_of(t: Array, u: Array, y: Array, kind: int) -> _Window:
         (n,) times [s], OP from rest [OP], PV [PV].
     kind
         As in `fitting`.
+    period
+        Sample period, if known [s].
     """
     at, mean, since, held = blocks(t, u, y, MOST_POINTS)
-    return _Window(kind, t, u, project(y.copy(), t, kind), at, since, held, project(mean, at, kind))
+    return _Window(kind, t, u, project(y.copy(), t, kind), at, since, held, period, project(mean, at, kind))
 
 
 def _explain(w: _Window) -> _Found | None:
@@ -415,11 +422,14 @@ def _explain(w: _Window) -> _Found | None:
     p, gain, load, scatter, valley = found
     residual = np.empty(len(w.t))
     evaluate(w.t, w.t, w.u, w.y, w.kind, p, residual)
-    if (
-        not (math.isfinite(gain) and np.isfinite(scatter).all() and np.isfinite(residual).all())
-        or gain == 0.0
-    ):
+    if gain == 0.0 or not (math.isfinite(gain) and np.isfinite(residual).all()):
         return None
+    lost = _of_lost_samples(w, p, gain, load)
+    scatter = scatter + lost
+    if not np.isfinite(scatter).all():
+        return None
+    if valley is not None:
+        valley = replace(valley, across=valley.across + lost)
     return _Found(p, gain, load, residual, scatter, valley, likelihood, n_eff)
 
 
@@ -470,6 +480,29 @@ def _two_lags(w: _Window, start: Array, noise: float) -> tuple[Array, float, flo
     models = np.column_stack([nodes[:, 4], nodes[:, LAG], nodes[:, DEAD], nodes[:, LAG] * nodes[:, SHARE]])
     valley = Valley(models, 2.0 * (nodes[:, -1].max() - nodes[:, -1]), across)
     return p, gain, load, across + _shrunk(nodes[:, DEAD], middle, weight) * (away.T * weight) @ away, valley
+
+
+def _of_lost_samples(w: _Window, p: Array, gain: float, load: float) -> Array:
+    """Covariance (3, 3) of (ln |gain|, lag, dead time) because OP is not known where samples are missing (derived).
+
+    A lost sample's OP is taken for that of the one before. It may have been the next one's as well, or, under
+    noise, have differed by as much as OP does from sample to sample.
+    """
+    step = np.diff(w.t)
+    usual = float(np.median(step))
+    # what is longer yet is the coarse past of a load step, in points of mean values
+    gaps = np.flatnonzero(
+        (step > usual + LOST * (usual if w.period is None else w.period)) & (step < 3.6 * usual)
+    )
+    if len(gaps) == 0:
+        return np.zeros((3, 3))
+    moves = np.abs(np.diff(w.u))
+    unknown = np.hypot(moves[gaps] / 2, float(np.median(moves))) * (step[gaps] - usual)  # [OP s]
+    columns = [0, 1, 3, 4, 5] if w.kind >= 2 else [0, 1, 3]
+    tangents = slopes(w.at, w.since, w.held, w.kind, p, gain, load)[:, columns]
+    inverse = np.ascontiguousarray(np.linalg.pinv(tangents, rcond=1e-6)[:3])
+    moved = of_pulses(w.at, w.kind, gain, p, w.t[gaps] + usual, w.t[gaps + 1], unknown, inverse)
+    return np.asarray(moved @ moved.T)
 
 
 def _by_tangents(w: _Window, p: Array, noise: float) -> Array:

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from . import harris, oscillation, sensor, travel, wiring
-from .oscillation import BLOCK, HORIZON, restart, strongest, taint, take
-from .state import EVENT, QUIET, SETPOINT_STEP, jit
+from .oscillation import BLOCK, HORIZON, restart, strongest, taint, take, too_fast
+from .state import EVENT, SETPOINT_STEP, jit
 from .stiction import stiction_of
 
 SHARE = 0.05
@@ -36,8 +36,6 @@ VISIBLE = 0.5
 """Least permanent offset, in standard deviations of noise or steps of PV."""
 MEANS = 10.0
 """Blocks without which an offset is not called permanent."""
-BUSY = 0.3
-"""Share of the time that must be quiet for the offset to be that of the quiet time."""
 MOST_COMPRESSED = 0.5
 """Compression above which a Harris index means nothing (half the values are made up)."""
 COARSE = 1.0
@@ -46,8 +44,8 @@ MOST_MISSED = 3
 """Missed samples that are filled with the last value."""
 
 _f = np.float64
-_TIMES = "wall_time good_time manual_time auto_time quiet_time since".split()
-_SUMS = "abs_e quiet_e mean_n mean_1 mean_2".split()
+_TIMES = "wall_time good_time manual_time auto_time since".split()
+_SUMS = "abs_e sum_e mean_n mean_1 mean_2".split()
 HEALTH = np.dtype(
     [
         *[(name, _f) for name in (*_TIMES, *_SUMS)],
@@ -81,9 +79,7 @@ def observe(h, s, p, time, dt, gap, sp, pv, op, auto):  # noqa: ARG001 (the kern
     last, e = s.sp - s.pv, sp - pv
     h.auto_time += dt
     h.abs_e += abs(last) * dt
-    if s.phase <= QUIET:
-        h.quiet_time += dt
-        h.quiet_e += last * dt
+    h.sum_e += last * dt
     travel.move(h, s, p, dt, op, e != last)
     wiring.trace(h, s, e, sp, pv, op)
     if sp != s.sp and h.w_sp < CASCADE * h.w_n + 1.0:
@@ -132,8 +128,7 @@ def _fade(h):
     """Halve all sums: what is two weeks old counts half, what is a month old a quarter."""
     h.since = 0.0
     h.wall_time, h.good_time, h.manual_time = 0.5 * h.wall_time, 0.5 * h.good_time, 0.5 * h.manual_time
-    h.auto_time, h.quiet_time = 0.5 * h.auto_time, 0.5 * h.quiet_time
-    h.abs_e, h.quiet_e = 0.5 * h.abs_e, 0.5 * h.quiet_e
+    h.auto_time, h.abs_e, h.sum_e = 0.5 * h.auto_time, 0.5 * h.abs_e, 0.5 * h.sum_e
     h.mean_n, h.mean_1, h.mean_2 = 0.5 * h.mean_n, 0.5 * h.mean_1, 0.5 * h.mean_2
     travel.fade(h)
     sensor.fade(h)
@@ -156,13 +151,13 @@ class Health:
     saturation: float | None = None
     """Share of time at OP's limits; where none are known, at rest exactly at OP's own extremes."""
     offset: float | None = None
-    """Mean error in automatic, quiet if the loop is quiet at times [PV]."""
+    """Mean error in automatic [PV]."""
     noise: float | None = None
     """Standard deviation of PV's white noise [PV]; None where it is not white at this sampling."""
     quantum: float | None = None
     """Step of which PV's changes are multiples [PV]; None for a PV that has none, or none near its noise."""
     travel_per_hour: float | None = None
-    """Way of OP beyond three sigma of its own noise [OP/h]."""
+    """Way of OP beyond the band of its own noise [OP/h]."""
     reversals_per_hour: float | None = None
     """Turns of that way [1/h]."""
     oscillation_period: float | None = None
@@ -175,6 +170,8 @@ class Health:
     """Minimum variance over variance of the error: 1 is as good as it gets."""
     compression: float | None = None
     """Share of PV's values that an archive left out or made up, 0 to 1."""
+    op_noise: float | None = None
+    """Standard deviation of OP's white noise [OP]."""
     mean_abs_e: float | None = None
     """Mean size of the error in automatic [PV]."""
     settled_offset: bool = False
@@ -232,14 +229,13 @@ def figures(h: Any, s: Any, process: str | None = None, dead_time: float | None 
 
 def _of_control(h: Any, auto: float) -> dict[str, Any]:
     """Return what concerns the time in automatic [s]."""
-    quiet = float(h["quiet_time"])
-    mean = float(h["mean_1"] / h["mean_n"]) if h["mean_n"] > 0 else 0.0
     way, turns = travel.travel_of(h)
     held = min(float(h["held_time"]) / auto, 1.0)
     tracking = wiring.tracking_of(h)
     return {
         "saturation": travel.saturation_of(h, auto),
-        "offset": float(h["quiet_e"]) / quiet if quiet > BUSY * auto else mean,
+        "offset": float(h["sum_e"]) / auto,
+        "op_noise": float(h["op_noise"]) if h["op_known"] > 0 else None,
         "mean_abs_e": float(h["abs_e"]) / auto,
         "settled_offset": _permanent(h),
         "travel_per_hour": way,
@@ -248,7 +244,7 @@ def _of_control(h: Any, auto: float) -> dict[str, Any]:
         "sp_moving": wiring.sp_moving_of(h),
         "mapping": wiring.mapping_of(h) or tracking > wiring.EXACT,
         "config_change": bool(h["w_units"] >= 0.5),
-        "undersampled": wiring.undersampled_of(h, sensor.noise_of(h) or 0.0),
+        "undersampled": wiring.undersampled_of(h, sensor.noise_of(h) or 0.0) or too_fast(h),
     }
 
 

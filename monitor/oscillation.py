@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from .state import jit
-from .stiction import CAP, FINE, again, follow, forget, likeness, track
+from .stiction import CAP, ENOUGH, FINE, again, follow, forget, likeness, track
 from .stiction import FIELDS as _WAVES
 
 LEVELS = 5
@@ -43,7 +43,7 @@ FOLLOWED, NOT_YET, SETTLED = 0.12, 0.4, 8
 seems to swing; blocks after which what swings less is no longer followed."""
 LEAST, UNSURE = 0.25, 0.5
 """Least share of the variance that must swing with the cycle; and by how much noise alone may seem to in one block."""
-FADED = 0.6
+FADED = 0.45
 """Error of the fading by one block: with few blocks a damped loop may seem to swing on."""
 MOST_IDLE = 0.5
 """Least share of a level's blocks in which the error moves throughout."""
@@ -51,6 +51,11 @@ LEAST_CYCLES = 5.0
 """Least number of cycles in all blocks."""
 MANY_ALIKE = 16.0
 """Cycles that speak for themselves if they are alike, though their autocorrelation fades."""
+SURE = 0.5
+"""Regularity from which the mean length of the cycles is the period: it has no grid."""
+TELLING, ALTERNATES = 5.0, -0.6
+"""Blocks, and autocorrelation at lag 1, from which the sampling is too coarse for what swings; differences of white
+noise have -0.5."""
 HORIZON = 14 * 86400.0
 """Time after which sums are halved [s]: a loop is judged by its recent weeks."""
 
@@ -289,11 +294,20 @@ def strongest(h: Any, period: float) -> Oscillation | None:
         if power > best:
             regularity = max(fading - FADED / math.sqrt(n), 0.0)
             best, found = power, Oscillation(cycled * 4.0**k * period, regularity, math.sqrt(2.0 * power))
-    alike = likeness(h)
-    if found is not None and alike > found.regularity:
-        return replace(found, regularity=alike)
-    if found is None and h["cycles"] >= MANY_ALIKE and alike > 0.0:
-        n = float(h["cycles"])
-        size = math.sqrt(float(h["e_shape"][0]) / n)
-        return Oscillation(float(h["length"]) / n * float(h["width"]) * period, alike, size)
-    return found
+    alike, n = likeness(h), float(h["cycles"])
+    if alike == 0.0 or (found is None and n < MANY_ALIKE):
+        return found
+    cycle_time = float(h["length"]) / n * float(h["width"]) * period
+    if found is None:
+        return Oscillation(cycle_time, alike, math.sqrt(float(h["e_shape"][0]) / n))
+    # two thirds to one and a half: the cycles are those that the autocorrelation sees
+    same = n >= ENOUGH and alike >= SURE and 2.0 / 3.0 < cycle_time / found.period < 1.5
+    return replace(
+        found, period=cycle_time if same else found.period, regularity=max(alike, found.regularity)
+    )
+
+
+def too_fast(h: Any) -> bool:
+    """Whether the error alternates from sample to sample, beyond what noise does: two or three samples a cycle."""
+    n = float(h["votes"][0])
+    return bool(n >= TELLING and h["acf"][0][1] < ALTERNATES * n)

@@ -18,9 +18,9 @@ UNUSUAL = 10.0
 """And that many times its usual stay at a value: a coarse PV dwells."""
 MOVED = 6.0
 """Standard deviations of its noise that OP must have moved meanwhile."""
-FIT, TRIES, FITTING = 0.1, 20.0, 0.95
+FIT, TRIES, FITTING = 0.02, 20.0, 0.95
 """A change of PV fits a step if it is a whole multiple within this; so many changes tell, of which so many must fit.
-By chance, one in five fits."""
+By chance, one in 25 fits."""
 FAR = 500.0
 """Steps in a change beyond which it tells nothing of the step."""
 FINE = 0.05
@@ -87,8 +87,9 @@ def sense(h, s, dt, sp, pv, op):
                 h.pv_stayed += h.pv_rest
             h.pv_rest = h.all_rest = 0
         h.pv_changes += 1.0
-        # one or two steps of a coarse PV in a row are no line
-        if h.pv_d != 0.0 and abs(d) > 5.5 * h.pv_step:
+        # one or a few steps of a coarse PV in a row are no line
+        coarse = h.pv_tries < TRIES or h.pv_fits >= FITTING * h.pv_tries
+        if h.pv_d != 0.0 and (abs(d) > 5.5 * h.pv_step or not coarse):
             h.pv_pairs += 1.0
             bend = abs(d * h.pv_dt - h.pv_d * dt)
             if bend <= STRAIGHT * abs(d) * h.pv_dt + 1e-15 * abs(pv) * dt:

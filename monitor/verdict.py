@@ -2,8 +2,8 @@
 
 The tree, from the root; the first branch that holds and stops gives the verdict, every branch that holds its flag:
 
-1. Are the data trustworthy? (no data, idle, frozen, wired wrongly, changed, compressed, too coarse)
-2. Is the loop in control? (in manual, at its limit)
+1. Are the data trustworthy? (no data, frozen, wired wrongly, changed, compressed, too coarse)
+2. Is the loop in control? (in manual, idle, at its limit)
 3. Is it the valve? (stiction)
 4. Does it oscillate for another reason than its tuning?
 5. Only then: how is it tuned?
@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 
@@ -37,8 +36,6 @@ LEAST_COVERAGE = 0.5
 """Share of time with good samples below which nothing is concluded; single events have their own, stricter rule."""
 COMPRESSED = 0.5
 """Share of reconstructed points from which figures of shape and noise are the historian's, not the plant's."""
-REGULAR = 0.5
-"""Regularity from which a loop is said to oscillate."""
 STICKS = 0.5
 """Stiction index from which the valve is named."""
 FOLLOWS = 0.5
@@ -110,27 +107,27 @@ def _no_data(health: Health, _row: LoopRow, _loop: Loop) -> str:
 
 
 def _idle(health: Health, _row: LoopRow, _loop: Loop) -> str:
-    return "idle: set point, PV and output do not move" if _get(health, "idle") else ""
+    return "idle: set point, PV and output do not move" if health.idle else ""
 
 
 def _stuck(health: Health, _row: LoopRow, _loop: Loop) -> str:
-    return "PV is frozen while the output moves" if _get(health, "stuck") else ""
+    return "PV is frozen while the output moves" if health.stuck else ""
 
 
 def _mapping(health: Health, _row: LoopRow, _loop: Loop) -> str:
     return (
         "the tags look mixed up: PV does not follow OP, or is free of noise while SP is not"
-        if _get(health, "mapping")
+        if health.mapping
         else ""
     )
 
 
 def _changed(health: Health, _row: LoopRow, _loop: Loop) -> str:
-    return "PV and SP jumped together: a new unit or range" if _get(health, "config_change") else ""
+    return "PV and SP jumped together: a new unit or range" if health.config_change else ""
 
 
 def _compressed(health: Health, _row: LoopRow, _loop: Loop) -> str:
-    share = _of(_get(health, "compression"))
+    share = _of(health.compression)
     return (
         f"the historian compressed these data ({share:.0%} of the points are reconstructed)"
         if share > COMPRESSED
@@ -139,7 +136,7 @@ def _compressed(health: Health, _row: LoopRow, _loop: Loop) -> str:
 
 
 def _coarse(health: Health, _row: LoopRow, _loop: Loop) -> str:
-    return "sampled too coarsely to show how the loop moves" if _get(health, "undersampled") else ""
+    return "sampled too coarsely to show how the loop moves" if health.undersampled else ""
 
 
 def _uncovered(health: Health, _row: LoopRow, _loop: Loop) -> str:
@@ -148,13 +145,13 @@ def _uncovered(health: Health, _row: LoopRow, _loop: Loop) -> str:
 
 
 def _manual(health: Health, _row: LoopRow, _loop: Loop) -> str:
-    share = max(_of(health.manual), _of(_get(health, "held")))
+    share = max(_of(health.manual), _of(health.held))
     return f"in manual for {share:.0%} of the time" if share > MANUAL else ""
 
 
 def _slave(health: Health, _row: LoopRow, loop: Loop) -> str:
     master = f" of {loop.master}" if loop.master else ""
-    if _of(_get(health, "sp_moving")) > FOLLOWS:
+    if _of(health.sp_moving) > FOLLOWS:
         return (
             f"its set point moves all the time: the slave{master} of a cascade, or a programme; not a fault"
         )
@@ -176,13 +173,13 @@ def _touches_limit(health: Health, _row: LoopRow, _loop: Loop) -> str:
 
 
 def _sticks(health: Health, row: LoopRow, _loop: Loop) -> str:
-    if _of(_get(health, "stiction")) <= STICKS:
+    if _of(health.stiction) <= STICKS:
         return ""
-    return f"the valve sticks (index {_get(health, 'stiction'):.2f}): {_cycle(row)}"
+    return f"the valve sticks (index {_of(health.stiction):.2f}): {_cycle(row)}"
 
 
 def _oscillates(health: Health, row: LoopRow, _loop: Loop) -> str:
-    return _cycle(row) if _of(_get(health, "oscillation_regularity")) > REGULAR else ""
+    return _cycle(row) if health.oscillating else ""
 
 
 def _oscillates_otherwise(health: Health, row: LoopRow, loop: Loop) -> str:
@@ -219,26 +216,22 @@ def _cycle(row: LoopRow) -> str:
 
 
 def _without_integral(health: Health, _row: LoopRow, loop: Loop) -> str:
-    if not _get(health, "settled_offset") or not (loop.kp is not None and math.isinf(loop.ti)):
+    if not health.settled_offset or not (loop.kp is not None and math.isinf(loop.ti)):
         return ""
     return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: the controller has no integral action"
 
 
 def _stays_off(health: Health, _row: LoopRow, _loop: Loop) -> str:
-    if not _get(health, "settled_offset"):
+    if not health.settled_offset:
         return ""
     return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: no integral action, or OP held"
 
 
 def _noisy(health: Health, _row: LoopRow, loop: Loop) -> str:
-    if loop.op_span is None or _get(health, "op_noise") is None:
+    if loop.op_span is None or health.op_noise is None:
         return ""
-    share = 100.0 * _get(health, "op_noise") / loop.op_span
+    share = 100.0 * health.op_noise / loop.op_span
     return f"noise moves OP by {share:.2g} % of its span" if share > QUIET_OP * loop.op_noise_max else ""
-
-
-def _get(health: Health, name: str) -> Any:
-    return getattr(health, name, None)
 
 
 def _of(value: float | None) -> float:
@@ -255,7 +248,6 @@ _INTEGRAL = "add integral action if the offset is not wanted"
 TREE = (
     # are the data trustworthy?
     Branch("", _no_data, EXPLAINS, "check the loop's name and tags"),
-    Branch("idle", _idle, EXPLAINS, "none while the unit is down"),
     Branch("stuck_pv", _stuck, WITHHOLDS, "check the transmitter and the path of its signal"),
     Branch("mapping_suspect", _mapping, WITHHOLDS, _WIRING),
     Branch("config_change", _changed, MARKS, _LOOK),
@@ -269,6 +261,7 @@ TREE = (
     Branch("", _uncovered, EXPLAINS, "find out why samples are missing or bad"),
     # is the loop in control?
     Branch("manual", _manual, EXPLAINS, "find out why it is kept in manual"),
+    Branch("idle", _idle, EXPLAINS, "none while the unit is down"),
     Branch("cascade_slave", _slave, EXPLAINS, "none; judge its master"),
     Branch("saturated", _at_limit, WITHHOLDS, _ROOM),
     Branch("saturated", _touches_limit, MARKS, _ROOM),

@@ -381,7 +381,7 @@ def test_a_loop_of_which_nothing_is_known():
     engine.step(Samples.of(2, times(n), 50.0, 50.0, 20.0, auto=False))
     assert [engine.row(k).verdict for k in range(3)] == [NOT_ASSESSED] * 3
     assert [engine.row(k).reason for k in range(3)] == [
-        "no good sample was seen", "no set-point or load step was seen", "in manual for 100% of the time",
+        "no good sample was seen", "idle: set point, PV and output do not move", "in manual for 100% of the time",
     ]  # fmt: skip
     assert engine.row(0).coverage is None
     assert engine.row(1).coverage == pytest.approx(1.0)

@@ -1,0 +1,161 @@
+"""The tree of verdicts: what comes before the tuning, and what a loop is told."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from monitor.health import Health
+from monitor.loops import Loop
+from monitor.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow
+from monitor.verdict import TREE, WITHHOLDS, conclude
+
+FLAGS = {
+    "manual", "saturated", "stuck_pv", "idle", "stale", "oscillating", "stiction", "offset", "compressed",
+    "undersampled", "mapping_suspect", "config_change", "cascade_slave", "noisy_op", "no_integral",
+    "permanent_upset",
+}  # fmt: skip
+
+LOOP = Loop(name="LIC-1", kp=2.0, ti=100.0, op_low=0.0, op_high=100.0)
+
+
+def healthy(**facts: Any) -> Health:
+    return Health(**{"coverage": 1.0, "manual": 0.0, "saturation": 0.0} | facts)
+
+
+def tuned(verdict: str, **facts: Any) -> LoopRow:
+    """Return a row as the events left it."""
+    known: dict[str, Any] = {"process": "integrating", "gain": 0.05, "dead_time": 4.0, "lag": 0.0, "ms": 1.6}
+    if verdict == RETUNE:
+        known |= {"new_kp": 2.5, "new_ti": 32.0, "rule": "simc-pi", "form": "standard", "stages": "[]"}
+    reason = "slow to follow: CI_sp = 0.3" if verdict == RETUNE else ""
+    return LoopRow(loop="LIC-1", verdict=verdict, reason=reason, **(known | facts))
+
+
+SICK = {
+    "stuck_pv": {"stuck": True},
+    "mapping_suspect": {"mapping": True},
+    "compressed": {"compression": 0.9},
+    "undersampled": {"undersampled": True},
+    "saturated": {"saturation": 0.6},
+    "stiction": {
+        "stiction": 0.9,
+        "oscillation_period": 100.0,
+        "oscillation_regularity": 0.9,
+        "oscillating": True,
+    },
+    "oscillating": {"oscillation_period": 100.0, "oscillation_regularity": 0.9, "oscillating": True},
+    "offset": {"settled_offset": True, "offset": 3.0},
+}
+
+
+@pytest.mark.parametrize("flag", SICK)
+@pytest.mark.parametrize("verdict", [GOOD, RETUNE, NOT_ASSESSED])
+def test_what_comes_before_the_tuning_withholds_it(flag, verdict):
+    """Flagged, inconclusive, said in words and with an action; no figure of a suggestion is left."""
+    row = conclude(tuned(verdict), LOOP, healthy(**SICK[flag]))
+    assert flag in row.flags
+    assert row.verdict == INCONCLUSIVE
+    assert row.reason
+    assert row.action
+    left = [n for n in row.__struct_fields__ if n.startswith("new_") and getattr(row, n) is not None]
+    assert left + [n for n in ("rule", "form", "stages") if getattr(row, n) is not None] == []
+    if verdict == RETUNE:
+        assert "slow to follow" in row.reason
+        assert "withheld" in row.reason
+
+
+def test_a_healthy_loop_keeps_its_verdict():
+    """Nothing found: verdict, reason and suggestion stay as the events left them."""
+    for verdict in (GOOD, RETUNE, INCONCLUSIVE):
+        before = tuned(verdict)
+        row = conclude(tuned(verdict), LOOP, healthy())
+        assert (row.verdict, row.reason, row.new_kp, row.flags) == (verdict, before.reason, before.new_kp, ())
+
+
+def test_an_oscillation_that_the_settings_explain_is_theirs():
+    """Too close to instability, and a period that is the loop's own: the retune stands, flagged."""
+    loop = Loop(name="LIC-1", kp=8.0, ti=100.0)  # gain 0.05, dead time 4 s: Ms 6, rolls with about 20 s
+    row = conclude(
+        tuned(RETUNE, ms=6.0),
+        loop,
+        healthy(oscillation_period=20.0, oscillation_regularity=0.9, oscillating=True),
+    )
+    assert (row.verdict, row.new_kp, row.flags) == (RETUNE, 2.5, ("oscillating",))
+
+
+def test_an_oscillation_of_another_period_is_not_the_tuning():
+    """The same nervous loop, but the cycle is twenty times slower than its own: it comes from outside."""
+    loop = Loop(name="LIC-1", kp=8.0, ti=100.0)
+    row = conclude(
+        tuned(RETUNE, ms=6.0),
+        loop,
+        healthy(oscillation_period=400.0, oscillation_regularity=0.9, oscillating=True),
+    )
+    assert (row.verdict, row.new_kp) == (INCONCLUSIVE, None)
+    assert "its settings do not explain" in row.reason
+
+
+def test_too_much_integral_action_explains_a_slow_roll():
+    """Kc K Ti = 0.5 at Ms within its limit: the trap, not the neighbour."""
+    loop = Loop(name="LIC-1", kp=0.5, ti=20.0)  # natural frequency sqrt(0.05 * 0.5 / 20): a period of 178 s
+    row = conclude(
+        tuned(RETUNE, ms=1.9),
+        loop,
+        healthy(oscillation_period=170.0, oscillation_regularity=0.9, oscillating=True),
+    )
+    assert (row.verdict, row.flags) == (RETUNE, ("oscillating",))
+
+
+def test_the_data_come_before_the_valve_and_the_valve_before_the_rest():
+    """All at once: the first branch speaks, every flag is set."""
+    everything: dict[str, Any] = {}
+    for facts in SICK.values():
+        everything |= facts
+    row = conclude(tuned(RETUNE), LOOP, healthy(**everything))
+    assert row.reason.startswith("PV is frozen")
+    assert set(SICK) <= set(row.flags)
+    no_data_trouble = {
+        k: v
+        for k, v in everything.items()
+        if k not in {"stuck", "mapping", "compression", "undersampled", "saturation"}
+    }
+    assert "valve sticks" in conclude(tuned(GOOD), LOOP, healthy(**no_data_trouble)).reason
+
+
+@pytest.mark.parametrize(
+    ("facts", "said"),
+    [
+        ({"manual": 0.9}, "in manual"),
+        ({"held": 0.9}, "in manual"),
+        ({"idle": True}, "idle"),
+        ({"sp_moving": 0.9}, "cascade"),
+        ({"coverage": 0.2}, "covered"),
+    ],
+)
+def test_a_loop_without_events_is_told_why(facts, said):
+    """Not assessed, with the reason that its health gives; with events the same is no reason to doubt them."""
+    row = conclude(LoopRow(loop="LIC-1"), LOOP, healthy(**facts))
+    assert row.verdict == NOT_ASSESSED
+    assert said in row.reason
+    assert conclude(tuned(RETUNE), LOOP, healthy(**facts)).verdict == RETUNE
+
+
+def test_a_loop_without_integral_action_is_told_so():
+    """P-only by its settings: the flag names the cause, not only the offset."""
+    row = conclude(tuned(GOOD), Loop(name="LIC-1", kp=2.0), healthy(settled_offset=True, offset=3.0))
+    assert row.flags == ("no_integral", "offset")
+    assert "no integral action" in row.reason
+    assert "+3" in row.reason
+
+
+def test_nothing_seen():
+    """No sample at all."""
+    assert conclude(LoopRow(loop="LIC-1"), LOOP, Health()).reason == "no good sample was seen"
+
+
+def test_every_branch_has_a_known_flag_and_an_action():
+    """Flags are those of the contract; what withholds says what to do."""
+    assert {b.flag for b in TREE if b.flag} <= FLAGS
+    assert all(b.action for b in TREE if b.effect == WITHHOLDS)

@@ -15,9 +15,11 @@ from .state import (
     BASE,
     BEGIN,
     BEGIN_LOAD,
+    BLIND,
     BY_GAP,
     BY_MODE,
     BY_STEP,
+    CALM,
     CANDIDATE,
     COARSE,
     CONFIRM,
@@ -25,26 +27,41 @@ from .state import (
     DONE,
     DROP,
     EVENT,
+    HALF_WAVES,
     KNOWN,
+    LOAD_QUANTA,
+    LOAD_STANDS_OUT,
     LOAD_STEP,
     LONG,
     MAX_GAP,
     MOVING,
+    OUTLIER,
+    PACE,
+    PATIENCE,
     QUIET,
+    RAMP_CALM,
     RAMP_REST,
+    REBASE,
+    REGAP,
+    RESTLESS,
     RING,
+    ROUNDING,
+    SAME_LEVEL,
     SHORT,
     SNAPSHOT,
+    STEP_LASTS,
     STEP_MOVES,
     STEP_REST,
+    STEP_STANDS_OUT,
     TIMEOUT,
     TOO_LARGE,
     TRIGGER,
+    UNREST,
     WARM_UP,
     WARMING,
     jit,
 )
-from .windows import add, append, begin, begin_load, close, confirm, drop
+from .windows import add, append, begin, begin_load, close, confirm, drop, lie_down
 
 
 @jit
@@ -81,33 +98,44 @@ def run(
             return k, n
         i = loop[k]
         s = state[i]
-        if not _accept(s, param[i], time[k], sp[k], pv[k], op[k], quality[k]):
+        r = sp[k]
+        held = np.isnan(r) and s.seen > 0
+        if held:
+            r = s.sp  # a set point holds until it is said to have changed
+        if not _accept(s, param[i], time[k], r, pv[k], op[k], quality[k]):
             continue
-        act = _step(s, health[i], param[i], time[k], sp[k], pv[k], op[k], auto[k])
+        act = _step(s, health[i], param[i], time[k], r, pv[k], op[k], auto[k])
         if s.slot >= 0 and not act & (CUT | DROP):
-            append(s, slab, time[k], sp[k], pv[k], op[k])
+            append(s, slab, time[k], r, pv[k], op[k])
         if act:
-            n = _act(act, s, health[i], ring, ring_time, slab, free, n_free, out, n, i, time[k], sp[k])
+            n = _act(act, s, health[i], ring, ring_time, slab, free, n_free, out, n, i, time[k], r)
             if act & BEGIN_LOAD:
                 begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time[k], pv[k])
             if act & (BEGIN | BEGIN_LOAD):
-                append(s, slab, time[k], sp[k], pv[k], op[k])
-        _keep(s, time[k], sp[k], pv[k], op[k], auto[k])
-        j = s.ringed & (RING - 1)
-        ring_time[i, j] = time[k]
-        ring[i, j, 0], ring[i, j, 1], ring[i, j, 2] = sp[k], pv[k], op[k]
-        j = (s.ringed // COARSE) & (RING - 1)
-        b = s.ringed % COARSE
-        if b == 0:
-            coarse_time[i, j] = time[k]
-            coarse[i, j, 0], coarse[i, j, 1], coarse[i, j, 2] = sp[k], pv[k], op[k]
-        else:  # OP held from point to point is its mean
-            coarse[i, j, 2] += (op[k] - coarse[i, j, 2]) / (b + 1)
-        s.ringed += 1
-        # often at first, then once a turn: a gateway that changes its rate is followed
-        if param[i].period == 0 and (s.ringed & (RING - 1) == 0 or s.ringed in {8, 16, 32}):
-            s.period = _median_step(ring_time, i, s.ringed)
+                append(s, slab, time[k], r, pv[k], op[k])
+        _keep(s, time[k], r, pv[k], op[k], auto[k])
+        s.blind = s.blind + 1 if held else 0
+        _remember(s, i, ring, ring_time, coarse, coarse_time, time[k], r, pv[k], op[k])
+        if s.ringed & (RING - 1) == 0 or s.ringed in {8, 16, 32}:
+            # often at first, then once a turn: a gateway that changes its rate is followed
+            _follow_rate(s, param[i], ring_time, i)
     return len(time), n
+
+
+@jit
+def _remember(s, i, ring, ring_time, coarse, coarse_time, time, sp, pv, op):
+    """Put a sample into the loop's rings."""
+    j = s.ringed & (RING - 1)
+    ring_time[i, j] = time
+    ring[i, j, 0], ring[i, j, 1], ring[i, j, 2] = sp, pv, op
+    j = (s.ringed // COARSE) & (RING - 1)
+    b = s.ringed % COARSE
+    if b == 0:
+        coarse_time[i, j] = time
+        coarse[i, j, 0], coarse[i, j, 1], coarse[i, j, 2] = sp, pv, op
+    else:  # OP held from point to point is its mean
+        coarse[i, j, 2] += (op - coarse[i, j, 2]) / (b + 1)
+    s.ringed += 1
 
 
 @jit
@@ -118,9 +146,10 @@ def _accept(s, p, time, sp, pv, op, quality):
             s.duplicate += 1
             if pv != s.pv or sp != s.sp or op != s.op:
                 s.conflict += 1
-        else:
+            return False
+        if not _set_back(s, time):
             s.late += 1
-        return False
+            return False
     if quality < UNCERTAIN:
         s.bad_quality += 1
         return False
@@ -131,40 +160,120 @@ def _accept(s, p, time, sp, pv, op, quality):
     s.ok += 1
     if quality < GOOD:
         s.uncertain += 1
+    s.lates = 0
     return True
+
+
+@jit
+def _set_back(s, time):
+    """Whether a late sample is one of so many, each soon after the last, that the source's clock was set back."""
+    soon = 0 < time - s.late_at <= MAX_GAP * s.period * 1e9
+    s.lates = s.lates + 1 if soon else 1
+    s.late_at = time
+    return s.lates > REBASE
 
 
 @jit
 def _step(s, h, p, time, sp, pv, op, auto):
     """Take in one good sample; return what to do with the loop's window, as a sum of actions."""
     if s.seen == 0:
+        s.moved = time
         _restart(s, sp, pv)
         return 0
-    dt = (time - s.time) * 1e-9
-    gap = s.period > 0 and dt > MAX_GAP * s.period
+    back = time < s.time
+    dt = 0.0 if back else (time - s.time) * 1e-9
+    gap = back or (s.period > 0 and dt > MAX_GAP * s.period) or (s.blind > BLIND and sp != s.sp)
     observe(h, s, p, time, dt, gap, sp, pv, op, auto)
-    if gap or not auto or not s.auto:
-        act = 0
-        if s.phase == CANDIDATE:
-            act = DROP  # a set-point move that was cut off before it was confirmed
-        elif s.phase == EVENT:
-            _end(s, 2, BY_GAP if gap else BY_MODE, s.time)
-            act = CUT
-        _restart(s, sp, pv)
-        return act
+    if gap or s.gaps > 0:
+        _count_gaps(s, time, dt, gap, back)
+    if gap or not auto or not s.auto or (sp != s.held and _other_units(s, sp, pv)):
+        return _break_off(s, BY_MODE if s.auto != auto and not gap else BY_GAP, sp, pv)
     if s.slot >= 0:
         _integrate(s, p, dt, pv)
-    s.short += _weight(dt, s.period) * (sp - pv - s.short)
-    # a set point is free of noise; what moves less than 2 % of the error's noise is rounding or display
-    moved = sp != s.sp and abs(sp - s.sp) > 1e-9 * abs(sp) + 0.02 * np.sqrt(s.var_e)
-    if s.phase <= QUIET:
-        if moved and s.period > 0:
-            return BEGIN
-        if s.phase == QUIET and s.looks > 0 and s.based >= WARM_UP and _suspicious(s):
-            return BEGIN_LOAD
-        _listen(s, sp - pv, pv, op)
-        return 0
-    return _follow(s, time, dt, sp, pv, moved)
+    d = sp - pv - s.short
+    if s.phase == QUIET and d * d > OUTLIER * OUTLIER * s.var_e:
+        most = OUTLIER * (np.sqrt(s.var_e) + 0.5 * s.quantum + 2e-3 * abs(s.amplitude))
+        d = min(max(d, -most), most)
+    s.short += _weight(dt, s.period) * d
+    if s.phase > QUIET:
+        return _follow(s, time, dt, sp, pv)
+    if s.warm < WARM_UP // 2:
+        s.held = sp  # without a baseline no move is looked at, and the set point's jitter is not known
+    elif _moves(s, sp) and s.period > 0:
+        _start_moving(s, time, sp)
+        return BEGIN
+    if s.phase == QUIET and s.looks > 0 and s.based >= CALM and _suspicious(s):
+        return BEGIN_LOAD
+    _listen(s, sp - pv, pv, op)
+    return 0
+
+
+@jit
+def _break_off(s, cause, sp, pv):
+    """Begin anew; return what becomes of an open window."""
+    act = 0
+    if s.phase == CANDIDATE:
+        act = DROP  # a set-point move that was cut off before it was confirmed
+    elif s.phase == EVENT:
+        _end(s, 2, cause, s.time)
+        act = _cut(s)
+    _restart(s, sp, pv)
+    return act
+
+
+@jit
+def _count_gaps(s, time, dt, gap, back):
+    """Take gaps for the sample period where there is nothing else, and a clock that was set back for what it is."""
+    if back:
+        s.rebased += 1
+        s.moved = time
+        return
+    s.gaps = s.gaps + 1 if gap else 0
+    s.least_gap = dt if s.gaps <= 1 else min(s.least_gap, dt)
+    if s.gaps >= REGAP:
+        s.period = s.least_gap
+        s.gaps = 0
+
+
+@jit
+def _other_units(s, sp, pv):
+    """Whether SP and PV jump together, as no process does: other units, or another tag. The error stays small."""
+    step = sp - s.sp
+    return abs(step) > 10.0 * np.sqrt(s.var_e) and abs(pv - s.pv - step) <= 0.1 * abs(step)
+
+
+@jit
+def _moves(s, sp):
+    """Whether a set point is no longer where it last rested or moved to."""
+    return sp != s.held and abs(sp - s.held) > SAME_LEVEL * np.sqrt(s.var_e) + ROUNDING * abs(sp)
+
+
+@jit
+def _start_moving(s, time, sp):
+    """Note that a set point leaves its rest."""
+    s.sp_from = s.held
+    s.moves = 0
+    _move(s, time, sp)
+
+
+@jit
+def _move(s, time, sp):
+    """Note that a set point moves, and how often it does."""
+    rest = (time - s.moved) * 1e-9 / s.period
+    if s.pace > 0:
+        s.pace = 0.5 * (s.pace + min(rest, PACE))
+    else:  # only a part of the first rest was seen: a short one counts as a master's scan, to be outlasted by half
+        s.pace = min(2.0 * rest, PACE) if 2.0 * rest >= RESTLESS else 1.5 * rest / PATIENCE
+    s.moved = time
+    s.moves += 1
+    s.held = sp
+
+
+@jit
+def _rests(s, time, least):
+    """Whether a moving set point has come to rest [least: periods]."""
+    need = max(least, PATIENCE * s.pace) if s.pace < RESTLESS else least
+    return (time - s.moved) * 1e-9 > (need - 0.5) * s.period
 
 
 @jit
@@ -184,8 +293,11 @@ def _restart(s, sp, pv):
     s.phase = WARMING
     s.warm = s.based = s.away = s.ringed = s.looks = 0
     s.mean_e = s.var_e = s.abs_e = s.var_s = s.var_d = 0.0
+    s.unrest = 0.0
+    s.learn = WARM_UP
     s.short = s.mean_s = sp - pv
     s.quantum = 0.0
+    s.held = sp
 
 
 @jit
@@ -199,32 +311,60 @@ def _median_step(ring_time, i, ringed):
 
 
 @jit
-def _follow(s, time, dt, sp, pv, moved):  # noqa: C901, PLR0911 (a return for each thing that can happen)
+def _follow_rate(s, p, ring_time, i):
+    """Take over the sample period as it is now, unless it is given; what averages knew of another is worth nothing."""
+    if p.period != 0 and s.period == p.period:
+        return
+    period = max(_median_step(ring_time, i, s.ringed), p.period)
+    if abs(period - s.period) > 0.2 * period and s.slot < 0:
+        s.warm = s.based = s.away = s.looks = 0
+        s.learn = WARM_UP
+    s.period = period
+
+
+@jit
+def _follow(s, time, dt, sp, pv):
     """Move an eventful phase on by one sample; return what to do."""
     if s.phase == MOVING:
-        if moved:
-            s.moved = time
-        elif (time - s.moved) * 1e-9 > RAMP_REST * s.period:
+        if _moves(s, sp):
+            _move(s, time, sp)
+        elif _rests(s, time, RAMP_REST):
             _settle_down(s)
         return 0
     if s.phase == EVENT:
         if s.kind == LOAD_STEP:
             s.amplitude = max(s.amplitude, abs(s.short - s.mean_s))
-        if moved and (s.kind == LOAD_STEP or abs(sp - s.held) > 0.02 * abs(s.amplitude)):
+        if _moves(s, sp) and abs(sp - s.held) > 0.02 * abs(s.amplitude):
             _end(s, 2, BY_STEP, time)
-            return CUT | BEGIN
-        return DONE if _lies_still(s, time, dt, sp - pv) else 0
-    if moved:
-        s.moved = time
+            act = _cut(s) | BEGIN
+            _start_moving(s, time, sp)
+            return act
+        if not _lies_still(s, time, dt, sp - pv):
+            return 0
+        s.moves = 0
+        if _cut(s) == CUT:
+            return DONE
+        _settle_down(s)
+        return DROP
+    return _come_to_rest(s, time, sp)
+
+
+@jit
+def _come_to_rest(s, time, sp):
+    """Follow a set point that has begun to move: a step, a ramp, or nothing; return what to do."""
+    if _moves(s, sp):
         s.moves += 1
-        if s.moves > STEP_MOVES:
+        s.held = sp
+        lasted = (time - s.onset) * 1e-9 / s.period
+        if s.moves > STEP_MOVES or lasted > STEP_LASTS:
+            s.pace = min(s.pace, lasted / (s.moves - 1))
             s.phase = MOVING
-            return DROP
-        return 0
-    if (time - s.moved) * 1e-9 <= (STEP_REST - 0.5) * s.period:
+        s.moved = time
+        return DROP if s.phase == MOVING else 0
+    if not _rests(s, time, STEP_REST):
         return 0
     s.amplitude = sp - s.sp_from
-    if abs(s.amplitude) > max(3.0 * s.sd_e, 1e-9 * abs(sp)):
+    if abs(s.amplitude) > max(STEP_STANDS_OUT * max(s.sd_e, 0.99 * s.quantum), ROUNDING * abs(sp)):
         return CONFIRM
     s.phase = QUIET  # the set point moved, but within the noise
     return DROP
@@ -273,16 +413,20 @@ def _listen(s, e, pv, op):  # noqa: C901 (a line for each average)
     Values outside three sigma do not count (they are the disturbance, not the noise). A loop that stays
     outside is one whose level or noise has changed: after a while its baseline begins anew.
     """
-    known = s.warm > WARM_UP
+    known = s.warm > s.learn
     away = abs(s.short - s.mean_s) > 5.0 * np.sqrt(s.var_s) + 0.5 * s.quantum
     if known and away:
         s.away += 1
-        if s.away > RING:  # until then it may be a load step in its beginnings: the baseline is still wanted
+        s.unrest += 1.0
+        # until then it may be a load step in its beginnings: the baseline is still wanted
+        if s.away > RING or (s.moves > 0 and s.based < RAMP_CALM):
             s.based = 0
-        if s.away > AWAY:
-            s.warm = 0
+        if s.unrest > AWAY:
+            _learn_anew(s)
         return
     s.away = 0
+    if s.unrest > 0.0:
+        s.unrest -= UNREST
     s.warm += 1
     if s.warm == 1:
         s.mean_e = s.mean_s = s.short = e
@@ -310,8 +454,16 @@ def _listen(s, e, pv, op):  # noqa: C901 (a line for each average)
     s.mean_op += w * (op - s.mean_op)
     if s.phase == WARMING and s.based >= WARM_UP:
         s.phase = QUIET
-    if s.warm >= KNOWN and (s.warm - KNOWN) % SNAPSHOT == 0:
+    if s.warm >= max(KNOWN, s.learn) and (s.warm - KNOWN) % SNAPSHOT == 0:
         _look(s)
+
+
+@jit
+def _learn_anew(s):
+    """Forget the noise: the loop has another one now. It takes longer to know than at the start, to see slow waves."""
+    s.warm = s.looks = 0
+    s.learn = AWAY
+    s.unrest = 0.0
 
 
 @jit
@@ -332,7 +484,14 @@ def _suspicious(s):
     # without noise the band would be nothing: the last event's tail, below its own settling band, is no load
     least = 0.5 * s.quantum + 2e-3 * abs(s.amplitude) + 1e-9 * abs(s.sp)
     band = TRIGGER * wider * np.sqrt(s.var_s_2) + least
-    return abs(s.short - s.mean_s_2) > band
+    return abs(s.short - s.mean_s_2) > band and (s.moves == 0 or s.based >= RAMP_CALM)
+
+
+@jit
+def _cut(s):
+    """Say what becomes of an event that is over: a load step no larger than what weather brings is forgotten."""
+    nothing = s.amplitude < max(LOAD_STANDS_OUT * np.sqrt(s.var_s), LOAD_QUANTA * s.quantum)
+    return DROP if s.kind == LOAD_STEP and nothing else CUT
 
 
 @jit
@@ -356,7 +515,7 @@ def _lies_still(s, time, dt, e):
     """Whether the event is over: the error's short average has lain still for half as long as it moved, or time is up.
 
     Away from zero (no integral action, saturation, or just a flat top) it has to lie four times as long, and
-    twenty times where PV is still about where it was before the step.
+    twenty times where PV is still about where it was before the step, or where a load has sent it.
     """
     size = abs(s.amplitude)
     # the band of the short average when quiet; where that is not well known, 2 % of the step or white noise's
@@ -366,22 +525,30 @@ def _lies_still(s, time, dt, e):
     s.sum_e += e * dt
     s.sum_t += dt
     if s.high - s.low > 2.0 * band:
-        s.still = time
-        s.low = s.high = s.short
-        s.sum_e = s.sum_t = 0.0
+        _turn(s, 1 if s.short == s.high else -1)
+        lie_down(s, time)
     rest = (time - s.still) * 1e-9
     busy = (s.still - s.onset) * 1e-9
     offset = abs(s.sum_e)
     patience = 1.0 if offset <= 0.5 * band * s.sum_t else 4.0
-    if offset > 0.8 * size * s.sum_t:  # PV has hardly begun: dead time, or a long lag
-        patience = 20.0
+    if offset > (0.5 if s.kind == LOAD_STEP else 0.8) * size * s.sum_t:
+        patience = 20.0  # PV has hardly begun, or has not begun to return: dead time, or a long lag
     if rest >= patience * max(WARM_UP * s.period, 0.5 * busy):
         _end(s, 1, 0, time)
         return True
-    if rest + busy > TIMEOUT * s.period:
+    if rest + busy > TIMEOUT * s.period or s.waves > HALF_WAVES:
         _end(s, 3, 0, time)
+        _learn_anew(s)
         return True
     return False
+
+
+@jit
+def _turn(s, side):
+    """Count half waves: the error has left the band in which it lay, upwards or downwards."""
+    if side != s.side:
+        s.waves += 1
+        s.side = side
 
 
 @jit
@@ -392,6 +559,10 @@ def flush(state, health, free, n_free, out, i, cause):
         drop(s, free, n_free)
         _settle_down(s)
     if s.phase != EVENT:
+        return 0
+    if _cut(s) == DROP:
+        drop(s, free, n_free)
+        _settle_down(s)
         return 0
     _end(s, 2, cause, s.time)
     _settle_down(s)

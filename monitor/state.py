@@ -27,19 +27,59 @@ WINDOW = 1024
 MAX_GAP = 3.5
 """Sample periods; above it nothing is integrated across (three periods and jitter)."""
 STEP_MOVES = 5
-"""A set point that moves for more samples than these is a ramp or a cascade's, not a step smeared by a historian."""
-STEP_REST = 3
-"""Periods for which a set point must rest before its move counts as finished."""
+"""A set point that moves at more samples than these is a ramp or a cascade's, not a step smeared by a historian or
+clicked together by an operator."""
+STEP_LASTS = 20
+"""Periods that such a step may take from its first move to its last."""
+STEP_REST = 7
+"""Periods for which a set point must rest before its move counts as finished: masters scan every 1 to 5 s."""
 RAMP_REST = 20
 """Periods for which a moving set point must rest before the loop is looked at again."""
+RAMP_CALM = 200
+"""Samples without a break for which the error must be quiet after a ramp before a load step may be suspected: the
+ramp's end travels round the loop, too, and swings through zero."""
+RESTLESS = 100.0
+"""Periods between the moves of a set point, on average, below which a master moves it (those of model-predictive
+controllers run once a minute), and nobody's step."""
+PATIENCE = 5.0
+"""Of these averages a restless set point must rest before it counts as resting."""
+PACE = 300.0
+"""Periods that count for a longer rest in that average, so that an operator's step after a long ramp is one."""
+SAME_LEVEL = 0.5
+"""Standard deviations of the error within which a set point is still where it was: jitter of an analog signal."""
+ROUNDING = 2e-7
+"""A set point's relative change that is nothing but a float of 32 bits."""
+STEP_STANDS_OUT = 3.0
+"""Standard deviations of the error, and least changes of PV, that a set-point step must exceed."""
 TRIGGER = 5.0
 """Standard deviations of the short average, when quiet, by which it must leave its mean to suspect a load step."""
+LOAD_STANDS_OUT = 8.0
+"""Standard deviations of the short average, when quiet, that a load step must reach to be handed out: a wandering
+load brings as much once in some loop-weeks."""
+LOAD_QUANTA = 2.5
+"""Least changes of PV that it must reach: a transmitter's last bit is no load."""
+CALM = 40
+"""Quiet samples since the last event that this takes otherwise."""
 KNOWN = 60
 """Quiet samples before a load step may be suspected; with few, the band is wider (their spread is not well known)."""
 AWAY = 500
 """Samples outside its band after which a loop's baseline begins anew."""
+UNREST = 0.5
+"""What a sample inside the band takes off the count of those outside: an oscillation that is outside for a third of
+the time becomes the new baseline."""
 TIMEOUT = 10_000
 """Periods after which an event is given up."""
+HALF_WAVES = 40
+"""Half waves after which an oscillating event is given up: at a damping of 0.05 twenty waves leave 0.2 %."""
+OUTLIER = 5.0
+"""Standard deviations by which one sample may pull the short average when quiet: a spike alone does not reach the
+trigger (0.2 x 5 sd of the error are 3 sd of its average)."""
+REBASE = 20
+"""Late samples, each soon after the last, after which the loop's clock was set back, and they are the truth."""
+REGAP = 8
+"""Gaps in a row after which they are the sample period."""
+BLIND = 3
+"""Samples without a set point after which a change of it came at an unknown time."""
 SHORT = 0.2
 """Weight of the short average of the error, per period (about five samples)."""
 LONG = 0.002
@@ -77,14 +117,17 @@ PARAM = np.dtype([("period", _f), ("pv_min", _f), ("pv_max", _f), ("op_low", _f)
 
 _NOISE = ("mean_e", "var_e", "abs_e", "mean_s", "var_s")
 """The error's mean, variance and mean size when quiet, and mean and variance of its short average [PV]."""
-_FACTS = "phase time seen warm based away ringed looks slot auto kind moved moves events".split()
-_EVENT = "onset still end end_state end_cause points before stride skipped".split()
-_SHAPE = "amplitude held low high sum_e sum_t quiet sp_from".split()
-_LAST = "sp pv op dpv period short mean_pv mean_op var_d quantum".split()
+_FACTS = "phase time seen warm based away ringed looks learn slot auto kind moved moves events".split()
+_TROUBLE = "lates late_at rebased gaps blind".split()
+"""Late samples in a row and the last one's time, how often the clock was set back, gaps in a row, samples in a row
+without a set point."""
+_EVENT = "onset still end end_state end_cause points before stride skipped waves side".split()
+_SHAPE = "amplitude held low high sum_e sum_t quiet sp_from pace".split()
+_LAST = "sp pv op dpv period short mean_pv mean_op var_d quantum least_gap unrest".split()
 
 STATE = np.dtype(
     [
-        *[(n, _i) for n in (*_FACTS, *_EVENT, *COUNTS)],
+        *[(n, _i) for n in (*_FACTS, *_TROUBLE, *_EVENT, *COUNTS)],
         *[(n, _f) for n in (*_LAST, *_SHAPE, *_NOISE)],
         # the noise at the last look, and at the one before
         *[(f"{n}_{k}", _f) for k in (1, 2) for n in _NOISE],

@@ -28,9 +28,7 @@ def begin(s, ring, ring_time, slab, free, n_free, i, time):
     """Open a window for a set point that has begun to move; the integrals start here."""
     s.phase = CANDIDATE
     s.kind = SETPOINT_STEP
-    s.moves = 1
-    s.moved = s.onset = time
-    s.sp_from = s.sp
+    s.onset = time
     n_free[0] -= 1
     s.slot = free[n_free[0]]
     s.s1 = s.s2 = s.s3 = s.y1 = s.y2 = s.iae = s.iae_noise = s.good = s.saturated = 0.0
@@ -61,14 +59,12 @@ def begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time, pv):
     s.phase = EVENT
     s.kind = LOAD_STEP
     s.events += 1
-    s.held = s.sp
     # the noise of before the response
     s.mean_e, s.var_e, s.abs_e, s.mean_s, s.var_s = s.mean_e_2, s.var_e_2, s.abs_e_2, s.mean_s_2, s.var_s_2
     s.sd_e = np.sqrt(s.var_e)
     s.amplitude = abs(s.short - s.mean_s)
-    s.still = time
-    s.low = s.high = s.short
-    s.sum_e = s.sum_t = 0.0
+    lie_down(s, time)
+    s.waves = s.side = 0
     w = slab[s.slot]
     reach = s.based + s.away
     first = ((s.ringed - min(s.ringed, RING, reach) + COARSE - 1) // COARSE) * COARSE  # of the fine points
@@ -95,14 +91,21 @@ def begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time, pv):
 
 
 @jit
+def lie_down(s, time):
+    """Begin anew to watch whether the error lies still."""
+    s.still = time
+    s.low = s.high = s.short
+    s.sum_e = s.sum_t = 0.0
+
+
+@jit
 def confirm(s, out, n, i, time, sp):
     """Report that an event has opened: the set point rests at a new level."""
     s.phase = EVENT
     s.events += 1
     s.held = sp
-    s.still = time
-    s.low = s.high = s.short
-    s.sum_e = s.sum_t = 0.0
+    lie_down(s, time)
+    s.waves = s.side = 0
     o = out[n]
     o.kind = SETPOINT_STEP
     o.what, o.loop, o.state, o.cause, o.slot, o.points = OPENED, i, 0, 0, -1, 0

@@ -1,4 +1,4 @@
-"""The streaming kernel: what opens and closes an event, its integrals and window, and what bad data may not do."""
+"""The streaming kernel: its integrals and windows, and that nothing depends on how samples come in."""
 
 from __future__ import annotations
 
@@ -9,6 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from detect_tools import (
+    Found,
+    as_bytes,
+    closings,
+    detected,
+    events_of,
+    is_step,
+    slots_are_whole,
+    stepped,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -17,14 +27,8 @@ from twin import SECOND, START, integrals, pi_loop, samples_of, times
 from monitor.detect import Detector
 from monitor.identify import fit_window, load_integrals, setpoint_integrals
 from monitor.loops import Loop
-from monitor.samples import Samples, join
+from monitor.samples import Samples
 from monitor.state import (
-    BY_END,
-    BY_GAP,
-    BY_MODE,
-    BY_STEP,
-    CLOSED,
-    COUNTS,
     OPENED,
     RING,
     STATES,
@@ -35,8 +39,6 @@ from sim_plants.loops import Simulation
 from sim_plants.scenarios import reference_loops
 from sim_plants.specs import NEVER, Steps
 
-Found = list[tuple[Any, NDArray[np.float64]]]
-
 # Unit steps; mu, T0, half rule's theta, IAE of the set-point step, IAE of the load step.
 REFERENCE = {
     "REF-1": (1.0, 1.0, 1.0, 3.922, 16.0),
@@ -46,59 +48,6 @@ REFERENCE = {
 }
 FINE = 0.01
 """[s] Backward differences err by about a period over the filter time."""
-
-
-def is_step(event: Any) -> bool:
-    """Whether it is a set-point step's; the kernel also hands out what may be a load step, to be verified."""
-    return "kind" not in event.dtype.names or event["kind"] == 0
-
-
-def events_of(found: Found, what: int = CLOSED) -> list[Any]:
-    return [event for event, _ in found if event["what"] == what and is_step(event)]
-
-
-def steps_of(found: Found) -> list[Any]:
-    """Set-point events, opened or closed."""
-    return events_of(found, OPENED) + events_of(found)
-
-
-def closings(found: Found) -> Found:
-    """Set-point events with their windows."""
-    return [(event, window) for event, window in found if event["what"] == CLOSED and is_step(event)]
-
-
-def as_bytes(found: Found) -> list[tuple[bytes, bytes]]:
-    """Everything an event says but the slot its window happened to lie in."""
-    out = []
-    for event, window in found:
-        copy = event.copy()
-        copy["slot"] = copy["loop_state"]["slot"] = 0
-        for name in COUNTS:
-            copy["loop_state"][name] = 0
-        out.append((copy.tobytes(), window.tobytes()))
-    return out
-
-
-def stepped(n: int = 700, at: int = 200, size: float = 4.0, **facts: Any) -> Samples:
-    """One loop with a set-point step, at rest before it."""
-    sp = np.full(n, 50.0)
-    sp[at:] += size
-    pv, op = pi_loop(sp, **facts)
-    return Samples.of(0, times(n), sp, pv, op)
-
-
-def detected(samples: Samples, **facts: Any) -> tuple[Detector, Found]:
-    detector = Detector([Loop(name="L", **facts)])
-    found = detector.run(samples)
-    return detector, found + detector.flush()
-
-
-def slots_are_whole(detector: Detector) -> None:
-    """Each slot of the slab is either free, once, or held by one loop."""
-    free = detector.free[: detector.n_free[0]]
-    held = detector.state["slot"][detector.state["slot"] >= 0]
-    together = np.sort(np.concatenate([free, held]))
-    np.testing.assert_array_equal(together, np.arange(len(detector.slab)))
 
 
 # ---------------------------------------------------------------------------------------------------
@@ -184,369 +133,6 @@ def test_running_integrals_equal_their_naive_twin():
     assert len(between) == len(whole)
     for name, value in whole.items():
         assert event[name] == pytest.approx(value, rel=1e-9), name
-
-
-# ---------------------------------------------------------------------------------------------------
-# what is a step, and what is not
-
-
-def test_a_step_opens_and_closes_one_event():
-    """One opening, one closing, of the step's size, at the sample that shows it, with what came before."""
-    _, found = detected(stepped())
-    (opened,), (closed,) = events_of(found, OPENED), events_of(found)
-    for event in (opened, closed):
-        assert event["amplitude"] == pytest.approx(4.0)
-        assert event["onset"] == START + 200 * SECOND
-        assert event["number"] == 1
-    assert STATES[closed["state"]] == "settled"
-    assert closed["quiet"] == 1.0
-    window = found[-1][1]
-    assert window[closed["before"], 0] == 0.0
-    assert closed["before"] == RING
-
-
-def test_a_set_point_smeared_over_three_samples_is_one_step():
-    """A historian's interpolation makes several small moves of one step."""
-    sp = np.full(700, 50.0)
-    sp[200:] = 54.0
-    sp[200], sp[201] = 51.1, 52.9
-    pv, op = pi_loop(sp)
-    _, found = detected(Samples.of(0, times(700), sp, pv, op))
-    (closed,) = events_of(found)
-    assert closed["amplitude"] == pytest.approx(4.0)
-    assert closed["onset"] == START + 200 * SECOND
-
-
-@pytest.mark.parametrize("moves", [8, 100, 500])
-def test_a_ramp_is_no_step(moves):
-    """A set point that keeps moving opens nothing, and its window is given back."""
-    sp = np.full(900, 50.0)
-    sp[200 : 200 + moves] += np.linspace(0, 4, moves)
-    sp[200 + moves :] += 4.0
-    pv, op = pi_loop(sp, noise=0.02)
-    detector, found = detected(Samples.of(0, times(900), sp, pv, op))
-    assert steps_of(found) == []
-    slots_are_whole(detector)
-
-
-def test_a_set_point_that_never_rests_is_no_step():
-    """A cascade slave's set point, moving at every sample, opens nothing."""
-    rng = np.random.default_rng(0)
-    sp = 50 + np.cumsum(rng.normal(0, 0.1, 3000))
-    detector, found = detected(Samples.of(0, times(3000), sp, sp + rng.normal(0, 0.01, 3000), 50.0))
-    assert steps_of(found) == []
-    slots_are_whole(detector)
-
-
-def test_a_staircase_of_held_steps_is_one_event_a_step():
-    """Each tread that is held long enough cuts the event before it short and opens its own."""
-    sp = np.full(700, 50.0)
-    for k in range(3):
-        sp[200 + 30 * k :] += 2.0
-    pv, op = pi_loop(sp)
-    _, found = detected(Samples.of(0, times(700), sp, pv, op))
-    closed = events_of(found)
-    assert [STATES[e["state"]] for e in closed] == ["interrupted", "interrupted", "settled"]
-    assert [int(e["cause"]) for e in closed[:2]] == [BY_STEP, BY_STEP]
-    assert [e["amplitude"] for e in closed] == pytest.approx([2.0, 2.0, 2.0])
-    assert [e["quiet"] for e in closed] == [1.0, 0.0, 0.0]
-
-
-def test_a_step_below_the_noise_is_none():
-    """Half a standard deviation of the error cannot be told from noise."""
-    detector, found = detected(stepped(1500, 500, 0.25, noise=0.5))
-    assert steps_of(found) == []
-    slots_are_whole(detector)
-
-
-def test_a_step_that_is_taken_back_at_once_is_none():
-    """Two samples of another set point are a typing mistake."""
-    sp = np.full(700, 50.0)
-    sp[200:202] = 60.0
-    pv, op = pi_loop(sp)
-    detector, found = detected(Samples.of(0, times(700), sp, pv, op))
-    assert steps_of(found) == []
-    slots_are_whole(detector)
-
-
-@pytest.mark.parametrize("colour", [0.0, 0.9, 0.99])
-def test_noise_alone_opens_nothing(colour):
-    """Fifty loops of white or coloured noise, a million samples: no event, and the noise is measured."""
-    loops, n = 50, 20_000
-    rng = np.random.default_rng(7)
-    white = rng.normal(size=(n, loops))
-    e = np.zeros((n, loops))
-    for k in range(1, n):
-        e[k] = colour * e[k - 1] + np.sqrt(1 - colour**2) * white[k]
-    detector = Detector([Loop(name=str(k)) for k in range(loops)])
-    loop = np.tile(np.arange(loops, dtype=np.int32), n)
-    time = np.repeat(times(n), loops)
-    found = detector.run(Samples.of(loop, time, 50.0, 50.0 + e.ravel(), 30.0 - e.ravel()))
-    assert steps_of(found) == []
-    if colour == 0.0:
-        assert np.sqrt(detector.state["var_d"] / 6) == pytest.approx(np.ones(loops), rel=0.2)
-
-
-def test_constant_signals_are_no_trouble():
-    """No variance at the start: no division, no event; a step out of perfect rest is found."""
-    n = 300
-    sp = np.full(n, 10.0)
-    sp[100:] = 11.0
-    with np.errstate(all="raise"):
-        detector, found = detected(Samples.of(0, times(n), sp, 10.0, 5.0))
-    assert [e["amplitude"] for e in events_of(found)] == [1.0]
-    for name in detector.state.dtype.names:
-        assert np.isfinite(detector.state[name]).all(), name
-
-
-def test_a_slow_process_is_waited_for():
-    """A dead time of 150 samples, or a tail of many minutes, is no end of an event."""
-    slow = stepped(3000, 200, kp=0.04, ti=2000.0, dead=150, noise=0.04)
-    _, found = detected(slow)
-    (closed,) = events_of(found)
-    after = (closed["end"] - closed["onset"]) / SECOND
-    assert after > 600
-    assert abs(closed["offset"]) < 0.15 * closed["amplitude"]
-
-
-def test_an_event_of_a_loop_that_never_follows_ends():
-    """Where PV does not move at all the event ends after some hundred samples, away from the set point."""
-    n = 2000
-    sp = np.full(n, 10.0)
-    sp[100:] = 11.0
-    _, found = detected(Samples.of(0, times(n), sp, 10.0, 5.0))
-    (closed,) = events_of(found)
-    assert STATES[closed["state"]] == "settled"
-    assert closed["offset"] == pytest.approx(1.0)
-    assert closed["end"] < START + 1000 * SECOND
-
-
-def test_a_loop_that_does_not_settle_is_given_up():
-    """An undamped oscillation after the step: `timeout`, with everything there is in the window."""
-    n = 12_000
-    k = np.arange(n)
-    sp = np.full(n, 50.0)
-    sp[500:] = 54.0
-    pv = np.where(k < 500, 50.0, 54.0 + 3 * np.sin(k / 20.0))
-    _, found = detected(Samples.of(0, times(n), sp, pv, 50.0 + 0.2 * (sp - pv)))
-    (closed,) = events_of(found)
-    assert STATES[closed["state"]] == "timeout"
-    assert 9_000 < (closed["end"] - closed["onset"]) / SECOND < 11_000
-
-
-# ---------------------------------------------------------------------------------------------------
-# what cuts an event short
-
-
-def test_a_step_during_an_event_interrupts_it_and_opens_the_next():
-    """The first ends where the second begins; the second is not from rest."""
-    samples = stepped()
-    sp = samples.sp.copy()
-    sp[230:] += 3.0
-    pv, op = pi_loop(sp)
-    _, found = detected(replace(samples, sp=sp, pv=pv, op=op))
-    first, second = events_of(found)
-    assert (STATES[first["state"]], first["cause"]) == ("interrupted", BY_STEP)
-    assert first["end"] == second["onset"] == START + 230 * SECOND
-    assert second["amplitude"] == pytest.approx(3.0)
-
-
-def test_a_gap_interrupts_an_event_and_nothing_is_integrated_across():
-    """An hour without data in the middle of an event: closed at the last sample before it."""
-    samples = stepped()
-    shifted = samples.time.copy()
-    shifted[260:] += 3600 * SECOND
-    detector, found = detected(replace(samples, time=shifted))
-    (closed,) = events_of(found)
-    assert (STATES[closed["state"]], closed["cause"]) == ("interrupted", BY_GAP)
-    assert closed["end"] == START + 259 * SECOND
-    assert closed["iae"] < 4.0 * 60
-    health = detector.health[0]
-    assert health["wall_time"] == pytest.approx(699 + 3600)
-    assert health["good_time"] < 700
-
-
-def test_manual_interrupts_an_event_and_counts():
-    """A change to manual closes the event; nothing opens in manual; the share of time is kept."""
-    samples = stepped()
-    sp = samples.sp.copy()
-    sp[400:] += 5.0
-    auto = np.ones(700, bool)
-    auto[260:500] = False
-    detector, found = detected(replace(samples, sp=sp, auto=auto))
-    (closed,) = events_of(found)
-    assert (STATES[closed["state"]], closed["cause"]) == ("interrupted", BY_MODE)
-    assert detector.health[0]["manual_time"] == pytest.approx(240.0, abs=1.5)
-
-
-def test_back_to_automatic_with_a_bump_is_no_step():
-    """A set point that was moved in manual is where the next baseline begins."""
-    n = 900
-    sp = np.full(n, 50.0)
-    sp[300:] = 55.0
-    auto = np.ones(n, bool)
-    auto[250:400] = False
-    _, found = detected(Samples.of(0, times(n), sp, sp, 30.0, auto))
-    assert steps_of(found) == []
-
-
-def test_the_end_of_the_data_interrupts_an_event():
-    """`flush` closes what is open, once."""
-    detector = Detector([Loop(name="L")])
-    detector.run(stepped().take(slice(0, 240)))
-    (closed,) = events_of(detector.flush())
-    assert (STATES[closed["state"]], closed["cause"]) == ("interrupted", BY_END)
-    assert detector.flush() == []
-    slots_are_whole(detector)
-
-
-# ---------------------------------------------------------------------------------------------------
-# bad data
-
-
-def state_without_counts(detector: Detector) -> bytes:
-    state = detector.state.copy()
-    for name in COUNTS:
-        state[name] = 0
-    return state.tobytes()
-
-
-BAD = {
-    "NaN in PV": ({"pv": np.nan}, "bad_value"),
-    "NaN in SP": ({"sp": np.nan}, "bad_value"),
-    "NaN in OP": ({"op": np.nan}, "bad_value"),
-    "inf": ({"pv": np.inf}, "bad_value"),
-    "-inf": ({"op": -np.inf}, "bad_value"),
-    "1e38": ({"pv": 1e38}, "bad_value"),
-    "1e38 in OP": ({"op": 1e38}, "bad_value"),
-    "far out of range": ({"pv": 2000.0}, "bad_value"),
-    "bad quality, plausible value": ({"quality": 0}, "bad_quality"),
-    "quality 63": ({"quality": 63}, "bad_quality"),
-    "same time, same value": ({"time": 0, "sp": 0, "pv": 0, "op": 0}, "duplicate"),
-    "same time, another value": ({"time": 0}, "conflict"),
-    "an hour old": ({"time": -3600 * SECOND}, "late"),
-}
-
-
-@pytest.mark.parametrize("at", [100, 230], ids=["quiet", "in an event"])
-@pytest.mark.parametrize("case", BAD)
-def test_a_bad_sample_is_counted_and_changes_nothing(case, at):
-    """Counted under its cause; all other state, and every event after it, as if it had not been there."""
-    changes, cause = BAD[case]
-    samples = stepped(noise=0.01)
-    bad = samples.take([at])
-    new = {}
-    for name, value in changes.items():
-        if name == "time":
-            new[name] = samples.time[[at - 1]] + value
-        elif value == 0 and name != "quality":
-            new[name] = getattr(samples, name)[[at - 1]]
-        else:
-            new[name] = np.array([value], getattr(samples, name).dtype)
-    bad = replace(bad, **new)
-    loop = Loop(name="L", pv_low=0.0, pv_high=100.0)
-    with_it, without = Detector([loop]), Detector([loop])
-    head, tail = samples.take(slice(0, at)), samples.take(slice(at, None))
-    found = with_it.run(join([head, bad]))
-    expected = without.run(head)
-    assert state_without_counts(with_it) == state_without_counts(without)
-    assert with_it.state[0][cause] == 1
-    assert (
-        sum(int(with_it.state[0][n]) for n in ("ok", "bad_value", "bad_quality", "duplicate", "late"))
-        == at + 1
-    )
-    assert as_bytes(found + with_it.run(tail)) == as_bytes(expected + without.run(tail))
-
-
-def test_an_uncertain_sample_is_used_and_counted():
-    """Quality 64 to 191 counts as good data, and is counted apart."""
-    samples = stepped()
-    detector, found = detected(replace(samples, quality=np.full(700, 64, np.uint8)))
-    assert as_bytes(found) == as_bytes(detected(samples)[1])
-    assert detector.state[0]["uncertain"] == detector.state[0]["ok"] == 700
-
-
-def test_nothing_but_bad_samples_is_no_event():
-    """No good sample: nothing seen, nothing found, all counted."""
-    n = 500
-    detector, found = detected(Samples.of(0, times(n), 50.0, np.nan, 20.0))
-    assert steps_of(found) == []
-    assert detector.state[0]["seen"] == 0
-    assert detector.state[0]["bad_value"] == n
-
-
-def test_subnormal_and_negative_zero_are_values():
-    """-0.0 and 5e-324 do no harm."""
-    n = 400
-    pv = np.where(np.arange(n) % 2, -0.0, 5e-324)
-    detector, found = detected(Samples.of(0, times(n), 0.0, pv, 0.0))
-    assert steps_of(found) == []
-    assert detector.state[0]["ok"] == n
-    assert np.isfinite(detector.state[0]["var_e"])
-
-
-def test_a_spike_is_no_step_and_does_not_inflate_the_noise():
-    """One sample of twenty standard deviations leaves the noise estimate where it was."""
-    rng = np.random.default_rng(5)
-    pv = 50 + rng.normal(0, 0.1, 2000)
-    spiked = pv.copy()
-    spiked[1500] += 2.0
-    clean, _ = detected(Samples.of(0, times(2000), 50.0, pv, 20.0))
-    detector, found = detected(Samples.of(0, times(2000), 50.0, spiked, 20.0))
-    assert steps_of(found) == []
-    for name in ("var_e", "var_d"):
-        assert detector.state[0][name] == pytest.approx(clean.state[0][name], rel=0.1)
-
-
-def test_one_missing_sample_is_bridged():
-    """Its neighbours' interval is twice as long; the integrals hold; it does not count as covered."""
-    samples = stepped()
-    whole = events_of(detected(samples)[1])[0]
-    keep = np.ones(700, bool)
-    keep[[215, 231]] = False
-    (event,) = events_of(detected(samples.take(keep))[1])
-    assert STATES[event["state"]] == "settled"
-    assert event["iae"] == pytest.approx(whole["iae"], rel=0.01)
-    assert whole["good"] == pytest.approx(whole["wall"])
-    assert event["good"] == pytest.approx(event["wall"] - 1.0)
-
-
-def test_five_percent_missing_at_random():
-    """IAE within 1 %, no other event, coverage falls by about as much."""
-    samples = stepped(2000, 800, noise=0.01, kp=0.3, ti=60.0)
-    whole = events_of(detected(samples)[1])[0]
-    keep = np.random.default_rng(2).random(2000) > 0.05
-    keep[798:806] = True
-    (event,) = events_of(detected(samples.take(keep))[1])
-    signal = whole["iae"] - whole["iae_noise"]
-    assert event["iae"] - event["iae_noise"] == pytest.approx(signal, rel=0.01)
-    assert event["good"] / event["wall"] < 0.99
-
-
-def test_jittered_times_do_not_bias_the_integrals():
-    """Periods of 0.8 to 1.2 s: gain and T0 as with even ones."""
-    rng = np.random.default_rng(3)
-    spec = replace(reference_loops(0, 0.1)[0], setpoint=Steps((50.0,), (1.0,)), load=NEVER)
-    block = samples_of(Simulation([spec]).advance(200.0))
-    keep = np.cumsum(rng.integers(1, 4, 1200))
-    uneven = block.take(keep[keep < len(block)])
-    (event,) = events_of(detected(uneven, period=0.2)[1])
-    gain, _ = setpoint_integrals(*(float(event[n]) for n in ("amplitude", "s1", "s2", "y1")))
-    assert gain == pytest.approx(1.0, rel=0.05)
-
-
-def test_time_at_a_limit_is_counted_only_where_limits_are_known():
-    """OP at its limit within the event and over the loop's life; 0 and 100 are never assumed."""
-    samples = stepped(kp=3.0, ti=200.0, dead=1)
-    op = np.minimum(samples.op, 55.0)
-    with_limit, found = detected(replace(samples, op=op), op_high=55.0, op_low=0.0)
-    (event,) = events_of(found)
-    at_limit = int((op >= 55.0).sum())
-    assert at_limit > 0
-    assert event["saturated"] == pytest.approx(at_limit, abs=1)
-    assert with_limit.health[0]["limit_time"] == pytest.approx(at_limit, abs=1)
-    without, _ = detected(replace(samples, op=np.clip(samples.op, 0, 100)))
-    assert without.health[0]["limit_time"] == 0.0
 
 
 # ---------------------------------------------------------------------------------------------------
@@ -796,21 +382,3 @@ def test_the_period_is_measured_and_followed():
     assert detector.state[0]["period"] == 2.0
     detector.run(Samples.of(0, times(300, 5.0, START + 1000 * SECOND), 50.0, 50.0, 20.0))
     assert detector.state[0]["period"] == 5.0
-
-
-@pytest.mark.parametrize("before", [90, 300, 1100, 1500, 4000, 4003])
-def test_windows_of_suspected_load_steps_run_forward_in_time(before):
-    """However far back the window reaches into the rings, its points are the samples', in order, none twice."""
-    n = before + 400
-    rng = np.random.default_rng(before)
-    pv = 50 + rng.normal(0, 0.02, n)
-    late = np.arange(n) - before
-    pv = pv + np.where(late > 0, 3.0 * late / 20 * np.exp(-late / 40.0), 0.0)
-    samples = Samples.of(0, times(n), 50.0, pv, 100 - pv)
-    detector = Detector([Loop(name="L")])
-    found = [f for f in detector.run(samples) + detector.flush() if f[0]["what"] == CLOSED]
-    assert found
-    for event, window in found:
-        at = np.round(window[:, 0] + (event["onset"] - START) / SECOND).astype(int)
-        assert np.all(np.diff(at) > 0)
-        np.testing.assert_array_equal(window[:, 2], pv[at])

@@ -133,6 +133,10 @@ def advise(
         else:
             times, candidates = named_candidates(name, model, times)
         found = search(limits, form, times, candidates)
+        if found.loud and name == RULE[structure]:
+            found = search(
+                limits, form, times, reference_candidates(loop, model, structure, times, loud=True)
+            )
         return _best(found, fit, structure, tc, name, ms)
     except (ValueError, NotRepresentableError) as error:
         return Withheld(f"no settings of the rule {name} for this model: {error}")

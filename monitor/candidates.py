@@ -25,9 +25,13 @@ TIMES = 97
 """Closed-loop times that are looked at: 4.4 % from one to the next."""
 FURTHEST = 10.0
 """A suggestion changes the gain by at most this factor: the evidence was seen with the settings of today."""
-RESETS = np.array([1.0, 0.85, 0.7, 0.6])
+RESETS = [1.0, 0.85, 0.7, 0.6]
 """Factors on the rule's integral time. ``Kc K Ti`` is 4 by the rule and so 2.4 at least, as in the tightest
 well-damped published rules (Fruehauf 1993: 2.5); below 2 an integrator rolls."""
+LEADS = [0.5, 0.25, 0.1]
+"""Factors on the rule's derivative time, where noise on OP limits a suggestion."""
+LOUD = "PV's noise"
+"""How the limit of noise begins to be said."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +52,7 @@ class Limits:
         if self.loop.op_span is not None:
             allowed = self.loop.op_noise_max / 100.0 * self.loop.op_span
             loud = op_noise(many, self.noise, self.period) > allowed
-            limits.append((f"PV's noise would put more than {self.loop.op_noise_max:g} % on OP", loud))
+            limits.append((f"{LOUD} would put more than {self.loop.op_noise_max:g} % on OP", loud))
         if self.loop.kp is not None:
             ratio = np.abs(np.asarray(many.kp) / self.loop.kp)
             far = (ratio > FURTHEST) | (ratio < 1.0 / FURTHEST)
@@ -78,6 +82,8 @@ class Search:
     """Row to column of the first candidate that keeps to all limits; rows without one are left out."""
     failing: str
     """Which limits leave nothing over, where ``at`` is empty."""
+    loud: bool
+    """Noise on OP keeps a row from its fastest safe candidate."""
 
     def typed(self) -> dict[int, Settings]:
         """Return the candidates where the rows stand, as one types them."""
@@ -98,26 +104,37 @@ def search(limits: Limits, form: str, times: Array, rule: Settings) -> Search:
     many = in_form(limits.loop, form, rule)
     first = fastest_safe(limits.region, many, limits.loop.ms_max)
     columns = np.arange(len(times))
-    reasons = [(limits.too_sensitive(), columns[None, :] < first[:, None]), *limits.broken(many)]
+    unsafe = columns[None, :] < first[:, None]
+    reasons = [(limits.too_sensitive(), unsafe), *limits.broken(many)]
     fits = ~np.any([broken for _, broken in reasons], axis=0)
     at = {row: int(np.argmax(fits[row])) for row in range(len(fits)) if fits[row].any()}
     never = [why for why, broken in reasons if broken.all()]
-    return Search(limits, form, times, many, at, "; ".join(never or [why for why, b in reasons if b.any()]))
+    failing = "; ".join(never or [why for why, broken in reasons if broken.any()])
+    loud = any(bool(np.any(broken & ~unsafe)) for why, broken in reasons if why.startswith(LOUD))
+    return Search(limits, form, times, many, at, failing, loud)
 
 
-def reference_candidates(loop: Loop, model: Model, structure: str, times: Array) -> Settings:
-    """Return the reference rule for closed-loop times (T,) and, where it has one, several integral times (R, T).
+def reference_candidates(
+    loop: Loop, model: Model, structure: str, times: Array, loud: bool = False
+) -> Settings:
+    """Return the reference rule for closed-loop times (T,) with several integral, and derivative, times (R, T).
 
     The rule ties its integral time to tc: ``Ti = 4 (tc + theta)``, or the lag where that is shorter. What makes a
     suggestion slow is mostly an uncertain gain or dead time, for which tc is raised; the integral action is not what
     endangers the worst model then, but a load's error is ``Ti/|Kc|`` and so grows with the *square* of tc + theta.
     So the integral time may be shorter than the rule's by the factors `RESETS` (derived: a coarse form of maximising
     ``Kc/Ti`` under a limit on Ms, Åström, Panagopoulos & Hägglund 1998). A set-point step gains nothing by it.
+
+    The derivative time is the lag that it cancels; its action is also what carries most of PV's noise to OP. Where
+    that limits a suggestion (``loud``), less of the lag is cancelled, by the factors `LEADS`, for more gain.
     """
     rule = reference_settings(model, structure, times)
-    tied = structure in {"p", "pd"} or loop.objective == SETPOINT
-    resets = RESETS[:1] if tied else RESETS
-    kp, ti, td, tf = np.broadcast_arrays(rule.kp, resets[:, None] * rule.ti, rule.td, rule.tf)
+    resets = [1.0] if structure in {"p", "pd"} or loop.objective == SETPOINT else RESETS
+    ways = [(reset, 1.0) for reset in resets]
+    if loud and structure in {"pd", "pid"}:
+        ways += [(reset, lead) for lead in LEADS for reset in resets[::2]]
+    reset, lead = (column[:, None] for column in np.array(ways).T)
+    kp, ti, td, tf = np.broadcast_arrays(rule.kp, reset * rule.ti, lead * rule.td, lead * rule.tf)
     return Settings(kp, ti, td, tf, rule.form)
 
 

@@ -250,6 +250,18 @@ def test_op_noise_limits_a_suggestion():
     assert "noise" in none.reason
 
 
+def test_noise_takes_from_the_derivative_first():
+    """Where noise on OP limits a PID, a shorter td buys gain; the ratio td/tf and the structure stay."""
+    loop = sluggish(kp=0.4, td=6.0, op_low=0.0, op_high=100.0)
+    fit = make_fit(lag=12.0)
+    quiet, loud = given_advice(loop, fit, noise=0.0), given_advice(loop, fit, noise=0.15)
+    assert loud.op_noise <= 1.0
+    assert 0 < float(loud.settings.td) < 0.6 * float(quiet.settings.td)
+    assert float(loud.settings.td) == pytest.approx(10 * float(loud.settings.tf))
+    assert loud.after[2] < 0.8 * given_advice(loop, fit, noise=0.0).before[2]  # type: ignore[index]
+    assert loud.ms_worst <= 2.2
+
+
 def test_without_settings_a_pi_is_suggested_in_one_step():
     """Nothing is known of today: structure PI, no stages."""
     advice = given_advice(Loop(name="L"))

@@ -21,7 +21,7 @@ from .identify import (
     contradictory,
     correlation_time,
     decide,
-    fit_window,
+    fit_kinds,
     setpoint_integrals,
 )
 from .judge import current_sensitivity, judge
@@ -210,7 +210,7 @@ def _identify(loop: Loop, form: str, event: Any, window: Array) -> tuple[Fit | N
     kinds = [INTEGRATING, SELF_REGULATING] if loop.process == "auto" else [loop.process]
     before, span, load = int(event["before"]), float(window[-1, 0]), event["kind"] == LOAD_STEP
     period = float(event["period"])
-    direct = [f for f in (fit_window(window, before, kind, load, period) for kind in kinds) if f is not None]
+    direct = fit_kinds(window, before, kinds, load, period)
     best, decided = decide(direct, span)
     settings = settings_of(loop, form)
     noisy = best is not None and best.sigma >= NOISY * float(np.ptp(window[:, 2]))

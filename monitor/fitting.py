@@ -319,7 +319,7 @@ def _coarse(at, t, u, py, kind):
     r = np.empty(len(at))
     step = (at[-1] - at[0]) / len(at)
     high = bounds(t, kind)
-    many, onsets = (7, 8) if kind >= 2 else (10, 1)
+    many, onsets = (6, 6) if kind >= 2 else (10, 1)
     best, least = np.array([0.0, step, 0.0, 0.0]), np.inf
     p = best.copy()
     for a in range(many):
@@ -348,8 +348,8 @@ def moved(p, dead_time, kind, high, first):
 
 
 @jit
-def search(at, t, u, py, kind):
-    """Best parameters of a window with two lags, with one lag, and the former's residual sum of squares.
+def search(at, t, u, py, kind, second):
+    """Best parameters of a window with two lags (``second``; else with one), and with one lag.
 
     A coarse grid, the best single lag, then down the valley of ever less dead time: dead time, second lag and
     onset share what the data say; the valley is long, narrow and bent, and has false ends.
@@ -371,17 +371,17 @@ def search(at, t, u, py, kind):
             p, _, _, rss, _ = descend(at, t, u, py, kind, p, single, high, 0.0, 20, 1e-5)
             if rss < least:
                 single_lag, least = p.copy(), rss
-    p = single_lag.copy()
-    best, top = p.copy(), p[DEAD]
-    for k in range(NODES):
+    p, best, top = single_lag.copy(), single_lag.copy(), single_lag[DEAD]
+    for k in range(NODES if second else 0):
         dead_time = top * (1.0 - k / (NODES - 1))
         p, _, _, rss, _ = descend(
             at, t, u, py, kind, moved(p, dead_time, kind, high, at[0]), beside, high, 0.0, 10, 1e-3
         )
         if rss < least:
             best, least = p.copy(), rss
-    p, _, _, rss, _ = descend(at, t, u, py, kind, best, every, high, 0.0, STEPS, 1e-7)
-    return p, single_lag, rss
+    if second:
+        best = descend(at, t, u, py, kind, best, every, high, 0.0, STEPS, 1e-7)[0]
+    return best, single_lag
 
 
 @jit

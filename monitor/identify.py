@@ -53,6 +53,9 @@ UNRESOLVED = 1.0
 """The same for a dead time of nothing: which of two scans a historian's stamp belongs to is not in the data."""
 RESOLVED = 3.0
 """Sample periods from which a dead time counts as resolved; in between, the floor falls linearly."""
+SIMPLER = 2.0
+"""The same for an integrating one: with a long lag a self-regulating one would explain as much, so the short lag
+that was found for it is less likely yet."""
 ALIKE = 8.0
 """Lag, in dead times, from which SIMC's integral time is that for an integrating process (Skogestad 2003)."""
 SECOND_LAG = 0.3
@@ -166,9 +169,24 @@ def load_integrals(
     return size, age, gain, (gain * (s3 + size * age**3 / 6) - y2) / y1
 
 
+def fit_kinds(
+    window: Array, before: int, kinds: list[str], load: bool = False, period: float | None = None
+) -> list[Fit]:
+    """Fit the kinds of process that a loop may be, as `fit_window` does one; what cannot be fitted is left out.
+
+    Where both are asked for, their likelihoods can be compared: both are of models with two lags.
+    """
+    fits: list[Fit] = []
+    for kind in kinds:
+        fit = fit_window(window, before, kind, load, period, len(kinds) > 1, fits[0] if fits else None)
+        fits += [] if fit is None else [fit]
+    return fits
+
+
 def fit_window(
-    window: Array, before: int, process: str, load: bool = False, period: float | None = None
-) -> Fit | None:
+    window: Array, before: int, process: str, load: bool = False, period: float | None = None,
+    compared: bool = False, rival: Fit | None = None,
+) -> Fit | None:  # fmt: skip
     """Fit the half-rule model of one kind of process to a window.
 
     Parameters
@@ -184,6 +202,11 @@ def fit_window(
         A load stepped, before time zero: its size and onset are fitted too (without c1).
     period
         Sample period, which a thinned window no longer shows; by default the median step of its times [s].
+    compared
+        The likelihood is to be compared with that of the other kind.
+    rival
+        An integrating model of the window: where it is not beaten, a self-regulating one's uncertainty is only
+        told roughly.
 
     Returns
     -------
@@ -197,7 +220,7 @@ def fit_window(
     if not np.any(u) or np.ptp(y) == 0:
         return None
     kind = (0 if process == INTEGRATING else 1) + (2 if load else 0)
-    found = _explain(_window_of(t, u, y, kind, period))
+    found = _explain(_window_of(t, u, y, kind, period), compared, rival)
     if found is None:
         return None
     p = found.p
@@ -275,19 +298,20 @@ def decide(fits: list[Fit], span: float) -> tuple[Fit | None, bool]:
         return (fits[0], True) if fits else (None, False)
     integrating = max((f for f in fits if f.process == INTEGRATING), key=lambda f: f.log_likelihood)
     regulating = max((f for f in fits if f.process == SELF_REGULATING), key=lambda f: f.log_likelihood)
-    better = _better(regulating, integrating)
+    better = _better(
+        regulating.log_likelihood, regulating.n_eff, integrating.log_likelihood, integrating.n_eff
+    )
     if better >= DECIDES and regulating.lag <= 2.0 * span:
         return regulating, True
     alike = regulating.lag > min(2.0 * span, ALIKE * (regulating.dead_time + regulating.lag2 / 2))
-    if better <= -DECIDES or alike:
+    if better <= -SIMPLER or alike:
         return integrating, True
     return (integrating if better < 0 else regulating), False
 
 
-def _better(one: Fit, other: Fit) -> float:
-    """By how much the log-likelihood of one fit exceeds another's, over the independent points of the poorer one."""
-    variances = [-2.0 * f.log_likelihood / f.n_eff for f in (one, other)]
-    return 0.5 * min(one.n_eff, other.n_eff) * (variances[1] - variances[0])
+def _better(one: float, n_one: float, other: float, n_other: float) -> float:
+    """By how much one log-likelihood exceeds another, each of so many points, over those of the poorer one."""
+    return min(n_one, n_other) * (one / n_one - other / n_other)
 
 
 def combine(fits: list[Fit]) -> Fit:
@@ -408,9 +432,10 @@ def _window_of(t: Array, u: Array, y: Array, kind: int, period: float | None) ->
     return _Window(kind, t, u, project(y.copy(), t, kind), at, since, held, period, project(mean, at, kind))
 
 
-def _explain(w: _Window) -> _Found | None:
+def _explain(w: _Window, compared: bool, rival: Fit | None) -> _Found | None:
     """Find the model of a window and its reach; None where OP explains nothing of PV."""
-    best, single, _ = search(w.at, w.since, w.held, w.mean, w.kind)
+    second = compared or w.kind % 2 == 1
+    best, single = search(w.at, w.since, w.held, w.mean, w.kind, second)
     rest = np.empty(len(w.at))
     gain, _, rss = evaluate(w.at, w.since, w.held, w.mean, w.kind, best, rest)
     if not math.isfinite(rss) or not math.isfinite(gain) or gain == 0.0:
@@ -418,7 +443,12 @@ def _explain(w: _Window) -> _Found | None:
     rss = max(rss, LEAST_NOISE * float(w.mean @ w.mean))
     n_eff = len(rest) / correlation_time(rest)
     likelihood = -0.5 * n_eff * math.log(rss / len(rest))
-    found = _one_lag(w, single) if w.kind % 2 == 0 else _two_lags(w, best, rss / n_eff)
+    if w.kind % 2 == 0:
+        found = _one_lag(w, single)
+    elif rival is not None and _better(likelihood, n_eff, rival.log_likelihood, rival.n_eff) < DECIDES:
+        found = _one_lag(w, best)
+    else:
+        found = _two_lags(w, best, rss / n_eff)
     p, gain, load, scatter, valley = found
     residual = np.empty(len(w.t))
     evaluate(w.t, w.t, w.u, w.y, w.kind, p, residual)
@@ -433,11 +463,18 @@ def _explain(w: _Window) -> _Found | None:
     return _Found(p, gain, load, residual, scatter, valley, likelihood, n_eff)
 
 
-def _one_lag(w: _Window, start: Array) -> tuple[Array, float, float, Array, None]:
-    """Return p, gain, gain times load, scatter of the best model with one lag, by its tangents."""
-    p, gain, load, _, _ = descend(
-        w.t, w.t, w.u, w.y, w.kind, start, w.free(SINGLE), bounds(w.t, w.kind), 0.0, 20, 1e-7
-    )
+def _one_lag(w: _Window, start: Array) -> tuple[Array, float, float, Array, Valley | None]:
+    """Return p, gain, gain times load, scatter of the best model with this second lag, by its tangents."""
+    starts = [start]
+    if start[LAG] < 0.1 * start[DEAD]:  # a lag of a block's length or less is not seen in blocks
+        starts.append(
+            np.array([0.75, 0.25, 0.0, 0.0]) * (start[LAG] + start[DEAD]) + np.array([0, 0, *start[2:]])
+        )
+    tried = [
+        descend(w.t, w.t, w.u, w.y, w.kind, s, w.free(SINGLE), bounds(w.t, w.kind), 0.0, 20, 1e-7)
+        for s in starts
+    ]
+    p, gain, load, _, _ = min(tried, key=lambda found: found[3])
     residual = np.empty(len(w.t))
     evaluate(w.t, w.t, w.u, w.y, w.kind, p, residual)
     tangents = slopes(w.t, w.t, w.u, w.kind, p, gain, load)

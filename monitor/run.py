@@ -51,7 +51,7 @@ def run_monitor(
             warm_up()
         if stop.is_set():
             return
-        service = Service(config, loops, bus, store)
+        service = Service(config, loops, bus, store, open_file=config.state_folder / "open.npz")
         bus.subscribe(config.subscribe, time.time_ns)
         bus.answer([f"{PREFIX}/**", f"{PREFIX}/@/{config.id}/**"])
         bus.alive(f"{PREFIX}/@/{config.id}/alive")

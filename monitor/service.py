@@ -13,8 +13,10 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,12 +29,14 @@ from .order import Order
 from .records import RETUNE, WORST_FIRST, Assessment, Event, LoopRow, Record, Suggestion, Window
 from .rows import worst_first
 from .samples import Samples
+from .snapshot import OpenEvents
 from .state import BY_GAP
 from .wire import (
     FRAME_MIME,
     JSON_MIME,
     Decoder,
     Message,
+    decode_event,
     encode_record,
     encode_trend,
     encode_window,
@@ -76,6 +80,8 @@ STALE_EVERY = 1.0
 """Between two looks at who has fallen silent [s]."""
 TIDY_EVERY = 60.0
 """Between two looks at what is too old or too much in the store [s]."""
+SNAPSHOT_EVERY = 10.0
+"""Between two writings of what must outlive a kill [s]."""
 MOST_NAMED = 20
 """Names in a line of the log or a list of the status."""
 
@@ -118,6 +124,8 @@ class Service:
         Wall time [ns since 1970]: for refusing the future, and for the status.
     monotonic
         [s]: for everything that waits.
+    open_file
+        Where the state of loops with an open event is kept; None: an open event ends with the process.
     """
 
     def __init__(
@@ -129,6 +137,7 @@ class Service:
         heard: Callable[[Record], None] | None = None,
         clock: Callable[[], int] = time.time_ns,
         monotonic: Callable[[], float] = time.monotonic,
+        open_file: Path | None = None,
     ) -> None:
         self.config = config
         self.loops = loops
@@ -161,6 +170,9 @@ class Service:
         self._last = (monotonic(), 0, 0)
         self._rates = (0.0, 0.0)
         self._old_rows = store.rows()
+        self._open = OpenEvents(open_file)
+        self._next_snapshot = monotonic() + SNAPSHOT_EVERY
+        self._left_open = [] if open_file is None else self._take_up()
 
     # -- the tick -----------------------------------------------------------------------------------
 
@@ -171,6 +183,8 @@ class Service:
         if messages:
             self._latency = max(self._latency, (self._clock() - messages[0].time) * 1e-9)
         samples, records = self._take_in(messages, now)
+        if self._left_open:
+            records, self._left_open = [*self._left_open, *records], []
         records += self._assess(ASSESS_TIME)
         self._publish(records)
         self._tell(records)
@@ -181,6 +195,9 @@ class Service:
             self._look_for_silence(now)
         if now >= self._next_tidy and self.stores:
             self._tidy(now)
+        if now >= self._next_snapshot:
+            self._next_snapshot = now + SNAPSHOT_EVERY
+            self._open.keep(self.engine, self.order, self._clock())
         if now >= self._next_status:
             self._next_status = now + STATUS_EVERY
             self.bus.say(f"{PREFIX}/@/{self.config.id}/status", to_json(self.status()), JSON_MIME)
@@ -536,6 +553,22 @@ class Service:
 
     # -- begin and end ------------------------------------------------------------------------------
 
+    def _take_up(self) -> list[Record]:
+        """Go on with the events that were open when the process was killed; return the others, as interrupted."""
+        going_on = self._open.take_up(self.engine, self.order, self._row_of, self._clock(), self._monotonic())
+        left = [e for e in map(decode_event, self.store.open_events()) if e.loop in self.loops.by_name]
+        left = [e for e in left if e.id not in going_on]
+        if left:
+            log.warning("%d events were open when the last run ended: interrupted", len(left))
+        return [msgspec.structs.replace(e, state="interrupted") for e in left]
+
+    def _row_of(self, name: str, key: str) -> int:
+        """Return a loop's row, -1 where it is not watched."""
+        row = self.loops.by_name.get(name)
+        if row is None and self.decoder.register is not None:
+            row = self.decoder.register(name, key)
+        return -1 if row is None else row
+
     def run(self, stop: threading.Event) -> None:
         """Tick until told to stop; then finish what is held."""
         while not stop.is_set():
@@ -553,7 +586,7 @@ class Service:
         while left > 0 and self._monotonic() < until and (taken := self.tick()):
             left -= taken
         last = self.order.release(np.inf)
-        records = self.engine.detect(last) if len(last) else []
+        records = [*self._left_open, *(self.engine.detect(last) if len(last) else [])]
         records += self.engine.close()
         while True:
             self._retry = 0.0
@@ -562,6 +595,7 @@ class Service:
             if not self.engine.backlog or self._monotonic() >= until:
                 break
             records = self._assess(10 * ASSESS_TIME)
+        self._open.keep(self.engine, self.order, self._clock())  # now there is none
         if self.engine.backlog or left > 0:
             log.warning(
                 "stop: %d events are kept without an assessment, %d messages left",

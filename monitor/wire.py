@@ -125,7 +125,7 @@ class Decoder:
 
     def __init__(self, loops: LoopTable, register: Callable[[str, str], int | None] | None = None) -> None:
         self.loops = loops
-        self._register = register
+        self.register = register
         self.causes: Counter[str] = Counter()
         """What was refused, by cause: ``malformed, unknown_loop, future, bad_time, too_large`` [samples or
         messages], and ``missed_frames, repeated_frames``."""
@@ -226,8 +226,8 @@ class Decoder:
     def _row(self, key: str) -> int | None:
         """Return the row of a key, registered or None (and counted) where it is not known."""
         row = self.loops.by_key.get(key)
-        if row is None and self._register is not None:
-            row = self._register(unquote(key.removeprefix("plant/")), key)
+        if row is None and self.register is not None:
+            row = self.register(unquote(key.removeprefix("plant/")), key)
         if row is None:
             self._not_known(key)
         return row
@@ -316,8 +316,8 @@ class Decoder:
 
     def _named(self, name: str | None) -> int:
         row = self.loops.by_name.get(name or "")
-        if row is None and name and self._register is not None:
-            row = self._register(name, "")
+        if row is None and name and self.register is not None:
+            row = self.register(name, "")
         return -1 if row is None else row
 
 
@@ -500,6 +500,16 @@ def encode_record(record: Event | Assessment | LoopRow | Suggestion) -> bytes:
     if isinstance(record, Suggestion):
         return to_json({**msgspec.structs.asdict(record.row), "evidence": record.evidence})
     return to_json(msgspec.structs.asdict(record))
+
+
+def decode_event(payload: bytes) -> Event:
+    """Read an event that `encode_record` wrote; one that cannot be read is of no loop."""
+    try:
+        fields = _decode_object(payload)
+        start = time_of(fields["start"], 0)
+        return msgspec.convert({**fields, "start": start, "end": None}, Event)
+    except (msgspec.MsgspecError, KeyError, ValueError, TypeError):
+        return Event(id="", loop="", kind="", state="", start=0, end=None, amplitude=0.0)
 
 
 def encode_window(window: Window, verdict: str, reason: str) -> bytes:

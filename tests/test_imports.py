@@ -27,7 +27,7 @@ ARROW = {
         for n in ("historian", "layouts", "tables", "batches", "cells", "rows", "merge", "times")
     ),
 }
-CONTRACT = {"samples", "records", "loops", "wire", "frames"}
+CONTRACT = {"samples", "records", "loops", "wire", "frames", "quality"}
 CORE = {
     *(
         "state",

@@ -137,6 +137,13 @@ class Store:
         )
         return [(str(i), bytes(j)) for i, j in rows]
 
+    def open_events(self) -> list[bytes]:
+        """Return the events that were said to have opened, and not to have closed."""
+        return [
+            bytes(row[0])
+            for row in self._read("SELECT json FROM event WHERE instr(json, ?)", (b'"state":"open"',))
+        ]
+
     def _read(self, question: str, values: tuple[Any, ...] = ()) -> list[Any]:
         try:
             return self._db.execute(question, values).fetchall()

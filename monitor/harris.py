@@ -73,7 +73,7 @@ def harris_of(h: Any, delay: int) -> float | None:
     for k in range(1, delay):
         m = min(k, ORDER)
         response[k] = float(model[:m] @ response[k - m : k][::-1])
-    share = left * float(response @ response)
+    share = float(left * (response @ response))
     return min(max(share, 0.0), 1.0) if math.isfinite(share) else None
 
 

@@ -43,7 +43,7 @@ FOLLOWED, NOT_YET, SETTLED = 0.12, 0.4, 8
 seems to swing; blocks after which what swings less is no longer followed."""
 LEAST, UNSURE = 0.25, 0.5
 """Least share of the variance that must swing with the cycle; and by how much noise alone may seem to in one block."""
-FADED = 0.45
+FADED = 0.55
 """Error of the fading by one block: with few blocks a damped loop may seem to swing on."""
 MOST_IDLE = 0.5
 """Least share of a level's blocks in which the error moves throughout."""
@@ -51,8 +51,9 @@ LEAST_CYCLES = 5.0
 """Least number of cycles in all blocks."""
 MANY_ALIKE = 16.0
 """Cycles that speak for themselves if they are alike, though their autocorrelation fades."""
-SURE = 0.5
-"""Regularity from which the mean length of the cycles is the period: it has no grid."""
+SURE, SHARP = 0.5, 0.75
+"""Likeness from which on the mean length of the cycles is the period, unless the autocorrelation is as regular as the
+second (noise may cut a cycle in two, which the autocorrelation does not mind; cycles of many lengths it does)."""
 TELLING, ALTERNATES = 5.0, -0.6
 """Blocks, and autocorrelation at lag 1, from which the sampling is too coarse for what swings; differences of white
 noise have -0.5."""
@@ -302,6 +303,7 @@ def strongest(h: Any, period: float) -> Oscillation | None:
         return Oscillation(cycle_time, alike, math.sqrt(float(h["e_shape"][0]) / n))
     # two thirds to one and a half: the cycles are those that the autocorrelation sees
     same = n >= ENOUGH and alike >= SURE and 2.0 / 3.0 < cycle_time / found.period < 1.5
+    same = same and found.regularity < SHARP
     return replace(
         found, period=cycle_time if same else found.period, regularity=max(alike, found.regularity)
     )

@@ -21,6 +21,8 @@ MOVED = 6.0
 FIT, TRIES, FITTING = 0.02, 20.0, 0.95
 """A change of PV fits a step if it is a whole multiple within this; so many changes tell, of which so many must fit.
 By chance, one in 25 fits."""
+LOUD = 1.0
+"""Logarithm of a block's variance above the mean logarithm, at most; that of noise has a standard deviation of 0.3."""
 FAR = 500.0
 """Steps in a change beyond which it tells nothing of the step."""
 FINE = 0.05
@@ -142,9 +144,15 @@ def weigh_noise(h, n):
     q0, q1 = h.pv_q0 / n, h.pv_q1 / n
     h.pv_q0 = h.pv_q1 = 0.0
     if q0 > 0.0:
+        h.pv_log += clipped(np.log(q0), h.pv_log, h.pv_known)
         h.pv_known += 1.0
-        h.pv_log += np.log(q0)
         h.pv_rho += q1 / q0
+
+
+@jit
+def clipped(value, total, n):
+    """Cut what lies far above the mean so far: a block with a step in it."""
+    return min(value, total / n + LOUD) if n >= 4.0 else value
 
 
 @jit

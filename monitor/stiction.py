@@ -31,6 +31,8 @@ MANY = 4096.0
 """Cycles after which sums are halved."""
 ENOUGH = 5.0
 """Cycles (ten half-waves) without which nothing is said."""
+PROOF = 12.0
+"""Cycles whose likeness counts in full: a few that noise makes may be alike by chance."""
 UNLIKE, UNEVEN = 0.7, 1.3
 """Coefficients of variation of the cycles' amplitude and length that are not regular at all, each alone; at half of
 them the regularity is 0.5. Noise through a resonance makes 0.52 in amplitude (Rayleigh), sticking valves 0.03 to 0.25,
@@ -175,7 +177,7 @@ def likeness(h: Any) -> float:
     amplitude = math.sqrt(max(n * h["swing2"] / h["swing"] ** 2 - 1.0, 0.0))
     length = math.sqrt(max(n * h["length2"] / h["length"] ** 2 - 1.0, 0.0))
     whole = min(float(h["length"] / (h["length"] + h["lost"])) / (1.0 - BROKEN), 1.0)
-    return max(1.0 - math.hypot(amplitude / UNLIKE, length / UNEVEN), 0.0) * whole * min(n / ENOUGH, 1.0)
+    return max(1.0 - math.hypot(amplitude / UNLIKE, length / UNEVEN), 0.0) * whole * min(n / PROOF, 1.0)
 
 
 def harmonics(shape: Any) -> tuple[complex, float]:

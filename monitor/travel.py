@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .sensor import clipped
 from .state import jit
 
 BAND = 4.0
@@ -126,8 +127,8 @@ def weigh_moves(h, n):
     h.op_q0 = h.op_q1 = 0.0
     if q0 <= 0.0:
         return
+    h.op_log += clipped(np.log(q0), h.op_log, h.op_known)
     h.op_known += 1.0
-    h.op_log += np.log(q0)
     h.op_rho += q1 / q0
     white = max(-h.op_rho / h.op_known, 0.0) * np.exp(h.op_log / h.op_known)
     h.op_noise = 0.5 * np.sqrt(white)

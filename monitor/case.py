@@ -119,7 +119,7 @@ def _advise(loop: Loop, case: Case, row: LoopRow, joint: Fit, period: float) -> 
     noise = float(np.median([f.noise for f in case.findings if f.usable]))
     kept = case.advice
     if kept is None or not _inside(joint, kept.fit):
-        advice = advise(loop, form, joint, noise, period, row.ms)
+        advice = advise(loop, form, joint, noise, period, row.ms, loop.rule or None)
         if isinstance(advice, Withheld):
             case.advice = None
             return withhold(row, advice)

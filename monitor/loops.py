@@ -56,6 +56,8 @@ class Loop(msgspec.Struct, frozen=True, kw_only=True):
     period: float | None = None
     ci_min: float = 0.6
     ms_max: float = 2.2
+    rule: str = ""
+    """Tuning rule for suggestions; empty = the reference rule of the loop's structure."""
 
     @property
     def structure(self) -> str:
@@ -227,15 +229,22 @@ def _value(field: str, value: Any, forms: Sequence[str]) -> Any:
         raise ValueError(f"at most {NAME_BYTES} bytes")
     if field == "key":
         return _key(text)
-    if field == "form":
-        if text not in forms:
-            raise ValueError(f"one of {', '.join(FORMS)} or a vendor block's id")
-        return text
-    if field in _CHOICES:
-        text = text.lower()
-        if text not in _CHOICES[field]:
-            raise ValueError("one of " + ", ".join(_CHOICES[field]))
+    accepted = _accepted(field, forms)
+    text = text.lower() if field in _CHOICES else text
+    if accepted is not None and text not in accepted[0]:
+        raise ValueError(accepted[1])
     return text
+
+
+def _accepted(field: str, forms: Sequence[str]) -> tuple[Sequence[str], str] | None:
+    """Return what a column of fixed words takes, and how that is said; None for free text."""
+    if field == "form":
+        return forms, f"one of {', '.join(FORMS)} or a vendor block's id"
+    if field == "rule":
+        return known_rules(), "a rule of `loopsight tune --list`, e.g. tyreus-luyben"
+    if field in _CHOICES:
+        return _CHOICES[field], "one of " + ", ".join(_CHOICES[field])
+    return None
 
 
 def _number(field: str, value: Any) -> float:
@@ -302,6 +311,13 @@ def known_forms() -> tuple[str, ...]:
     from tuners.blocks import BLOCKS  # noqa: PLC0415 (reads a file: only where a table is read)
 
     return (*FORMS, *BLOCKS)
+
+
+def known_rules() -> tuple[str, ...]:
+    """Return the names of the tuning rules."""
+    from tuners.rules import RULES  # noqa: PLC0415 (half of the tuners: only where a rule is named)
+
+    return tuple(RULES)
 
 
 def _rows(path: Path) -> list[tuple[int, dict[str, Any]]]:

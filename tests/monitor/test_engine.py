@@ -373,6 +373,18 @@ def test_op_noise_is_that_of_the_loop():
     assert row.new_op_noise_abs == pytest.approx(row.new_kp * 0.05, rel=0.2)
 
 
+def test_a_rule_named_in_the_loop_table_is_used():
+    """The suggestion says which rule it is; one that does not serve a PI leaves the reference rule."""
+    samples = stepped(4000, kp=0.4, ti=300.0, noise=0.01)
+    rows = [
+        run(Loop(name="L", kp=0.4, ti=300.0, rule=rule), samples)[0].row(0)
+        for rule in ("", "tyreus-luyben", "luyben-pid")
+    ]
+    assert [row.rule for row in rows] == ["simc-pi", "tyreus-luyben", "simc-pi"]
+    assert rows[1].new_kp != rows[0].new_kp
+    assert all(row.new_ms_worst is not None and row.new_ms_worst <= 2.2 for row in rows)
+
+
 def test_a_loop_of_which_nothing_is_known():
     """No sample, no step: not assessed, and why; no health figure out of nothing."""
     engine = Engine(LoopTable([Loop(name="A"), Loop(name="B"), Loop(name="C")]))

@@ -38,6 +38,7 @@ WRONG = [
     ({"name": "L", "process": "fast"}, "process"),
     ({"name": "L", "objective": "all"}, "objective"),
     ({"name": "L", "controller": "i"}, "controller"),
+    ({"name": "L", "rule": "guess"}, "rule"),
     ({"name": "L", "form": "ideal"}, "form"),
     ({"name": "L", "allow_pd": "perhaps"}, "allow_pd"),
     ({"name": "L", "ms_max": 0.9}, "ms_max"),

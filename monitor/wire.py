@@ -488,8 +488,8 @@ def to_json(fields: dict[str, Any]) -> bytes:
 
 
 def _clean(value: Any) -> Any:
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
+    if isinstance(value, float):  # NumPy's too, which JSON knows nothing of
+        return float(value) if math.isfinite(value) else None
     if isinstance(value, dict):
         return {k: _clean(v) for k, v in value.items()}
     return value

@@ -145,7 +145,9 @@ class Taker:
         tally, n = self.tally, len(code)
         sp, pv, op = (self._values(column, roles[role]) for role in NEEDED)
         auto = modes(column[roles["auto"]], tally) if "auto" in roles else _constant(1, np.int8, n)
-        quality = qualities(column[roles["quality"]], tally) if "quality" in roles else _constant(GOOD, np.uint8, n)
+        quality = (
+            qualities(column[roles["quality"]], tally) if "quality" in roles else _constant(GOOD, np.uint8, n)
+        )
         hold = _constant(0, np.uint8, n)
         for role, bit in (("sp", HOLD_SP), ("op", HOLD_OP)):
             if roles[role] in self.sparse:

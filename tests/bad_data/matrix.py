@@ -15,7 +15,7 @@ ROWS: dict[int, tuple[str, tuple[str, ...]]] = {
     1: ("no number in PV", (
         "test_values.py::test_one_missing_pv",
         "test_values.py::test_a_hole_wider_than_three_periods_is_not_integrated_across",
-        f"{_DETECT}::test_a_bad_sample_is_counted_and_changes_nothing",
+        "monitor/test_detect_bad_data.py::test_a_bad_sample_is_counted_and_changes_nothing",
     )),
     2: ("no number in SP or OP only", (
         "test_values.py::test_only_the_set_point_or_only_the_output_is_missing",
@@ -54,7 +54,8 @@ ROWS: dict[int, tuple[str, tuple[str, ...]]] = {
         "test_times.py::test_a_slow_loop_is_not_stale_between_its_samples",
     )),
     13: ("one sample missing", (
-        "test_times.py::test_one_sample_is_missing", f"{_DETECT}::test_one_missing_sample_is_bridged",
+        "test_times.py::test_one_sample_is_missing",
+        "monitor/test_detect_bad_data.py::test_one_missing_sample_is_bridged",
     )),
     14: ("5 % missing", ("test_times.py::test_a_twentieth_of_the_samples_is_missing",)),
     15: ("a gap of an hour", (
@@ -138,7 +139,7 @@ ROWS: dict[int, tuple[str, tuple[str, ...]]] = {
     46: ("overlapping steps", ("test_signals.py::test_a_second_step_before_the_first_has_settled",)),
     47: ("step below the noise", (
         "test_signals.py::test_a_step_below_the_noise_is_none",
-        f"{_DETECT}::test_noise_alone_opens_nothing",
+        "monitor/test_detect_load.py::test_noise_alone_opens_nothing",
     )),
     48: ("drift over months", ("test_signals.py::test_a_drift_over_months_makes_no_series_of_alarms",)),
     49: ("constant at first", ("test_signals.py::test_constant_at_first",)),

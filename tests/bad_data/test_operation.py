@@ -184,7 +184,7 @@ def month(folder: Path, loops: int, days: int, period: int = 60, hours: int = 6)
         pv = 50.0 + rng.normal(0, 0.1, n * loops)
         pv[rng.integers(0, len(pv), 3)] = np.nan
         frame["pv"], frame["time"] = pv, START * SECOND + hour * 3600 * SECOND + offsets
-        frame["sp"] = 50.0 + 5.0 * (hour // 12 % 2)
+        frame["sp"] = 50.0 + 5.0 * (hour // 240 % 2)
         monitor.put([("plant/frame", frame_of(frame))], hours * 3600.0)
         seen += len(frame)
         if (hour + hours) % 24 == 0:

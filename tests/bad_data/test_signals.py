@@ -192,7 +192,6 @@ def test_a_spike_is_no_step(clean: Outcome, tmp_path: Path, at: int) -> None:
     assert found.row.verdict == GOOD
 
 
-@not_yet
 def test_other_units_in_mid_stream(tmp_path: Path) -> None:
     """SP and PV jump together, as from °C to °F: a change of configuration, not a step of the process."""
     data = good(3000, at=2500, size=0.0)

@@ -274,7 +274,7 @@ def test_a_clock_that_is_set_back_an_hour(clean, tmp_path: Path, caplog: pytest.
     assert found.about["clock_steps"] == 1
     assert (found.states, found.row.verdict) == (["settled"], GOOD)
     assert found.event.start == int(data["time"][500])
-    assert found.event.iae == pytest.approx(clean.event.iae, rel=0.01)
+    assert found.event.iae == pytest.approx(clean.event.iae, rel=0.05)
     (line,) = [r.getMessage() for r in caplog.records if "clock" in r.getMessage()]
     assert line.startswith(f"{NAME}: its clock was set back to 2025-12-31T23:03:20")
     assert 0.95 < found.row.coverage < 0.98

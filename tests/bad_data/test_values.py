@@ -48,7 +48,7 @@ def test_one_missing_pv(clean, tmp_path: Path, at: int) -> None:
 
 def test_a_hole_wider_than_three_periods_is_not_integrated_across(clean, tmp_path: Path) -> None:
     """Six PVs missing in the middle of the response: that span is in no integral, and coverage says so."""
-    found = both(spoilt("pv", *range(306, 312)), tmp_path)
+    found = both(spoilt("pv", *range(315, 321)), tmp_path)
     found.counted(ok=N - 6, bad_value=6)
     assert found.row.coverage < 1 - 5 / N
     first = found.events[0]

@@ -756,6 +756,13 @@ def test_records_hold_no_nan_and_times_with_z():
     assert said == {"schema": 1, "a": {"b": None}, "c": [None, {"d": None}]}
 
 
+def test_numpys_numbers_are_numbers():
+    """A figure that came out of NumPy encodes like any other, and its NaN is null."""
+    row = LoopRow(loop="L", noise=np.float64(0.5), offset=np.float64(NAN))
+    found = json.loads(encode_record(row))
+    assert (found["noise"], found["offset"]) == (0.5, None)
+
+
 def test_uncertain_is_below_good():
     """The codes of the samples and of the wire are the same."""
     assert opc_quality(np.array([0x4000_0000]))[0] == UNCERTAIN

@@ -16,8 +16,8 @@ DEAD, LAG, SHARE, ONSET = range(4)
 """Places of the parameters."""
 MOST_SHARE = 0.99
 """Of the second lag in the first; partial fractions need two different lags."""
-MOST_POINTS = 300
-"""Points above which a window is searched in blocks of mean values."""
+MOST_POINTS = 500
+"""Points above which a window is searched in blocks of mean values: long blocks look like a lag."""
 NODES = 6
 """Dead times, from that of the best single lag down to nothing, from which the best model is looked for."""
 STEPS = 30

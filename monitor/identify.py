@@ -445,7 +445,9 @@ def _explain(w: _Window, compared: bool, rival: Fit | None) -> _Found | None:
     likelihood = -0.5 * n_eff * math.log(rss / len(rest))
     if w.kind % 2 == 0:
         found = _one_lag(w, single)
-    elif rival is not None and _better(likelihood, n_eff, rival.log_likelihood, rival.n_eff) < DECIDES:
+    elif rival is not None and _not_believed(
+        w, best, _better(likelihood, n_eff, rival.log_likelihood, rival.n_eff)
+    ):
         found = _one_lag(w, best)
     else:
         found = _two_lags(w, best, rss / n_eff)
@@ -461,6 +463,12 @@ def _explain(w: _Window, compared: bool, rival: Fit | None) -> _Found | None:
     if valley is not None:
         valley = replace(valley, across=valley.across + lost)
     return _Found(p, gain, load, residual, scatter, valley, likelihood, n_eff)
+
+
+def _not_believed(w: _Window, p: Array, better: float) -> bool:
+    """Whether `decide` will prefer the integrating model."""
+    alike = p[LAG] > min(2.0 * float(w.t[-1]), ALIKE * float(p[DEAD] + p[LAG] * p[SHARE] / 2))
+    return better <= -SIMPLER or (better < DECIDES and alike)
 
 
 def _one_lag(w: _Window, start: Array) -> tuple[Array, float, float, Array, Valley | None]:

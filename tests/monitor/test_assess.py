@@ -8,13 +8,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from twin import Seen, pi_loop, run, times
+from test_identify import make_fit
+from twin import Seen, pi_loop, run, samples_of, times
 
+from monitor.assess import _explained
 from monitor.engine import Engine
 from monitor.judge import judge, trap
 from monitor.loops import Loop
 from monitor.records import GOOD, INCONCLUSIVE, RETUNE, Assessment
 from monitor.samples import Samples
+from sim_plants.controllers import Controller
+from sim_plants.loops import Simulation
+from sim_plants.plants import Plant
+from sim_plants.specs import LoopSpec, Steps
 from tuners.models import IntegratingModel, SelfRegulatingModel
 
 LEVEL = IntegratingModel(0.05, 4.0, 0.0)
@@ -136,6 +142,51 @@ def test_evidence_that_cannot_carry_a_verdict(change, facts, word):
     assert word in found.reason
     assert seen.suggestions == []
     assert engine.row(0).new_kp is None
+
+
+@pytest.mark.parametrize(
+    ("quality", "sigma", "noise", "amplitude", "enough"),
+    [
+        (0.96, 0.1, 0.1, 2.0, True),
+        (0.90, 0.1, 0.1, 2.0, True),  # nothing but noise is left
+        (0.90, 0.2, 0.1, 2.0, False),
+        (0.90, 0.1, 0.1, 0.5, False),  # noise makes shapes of this size
+        (0.96, 0.1, 0.01, 2.0, False),  # what is left has a cause of its own
+        (0.90, 0.1, 0.01, 2.0, False),
+        (0.99, 0.1, 0.01, 2.0, True),
+    ],
+)
+def test_what_a_model_must_explain(quality, sigma, noise, amplitude, enough):
+    """All but the noise; where far more than PV's noise is left over, as in a loop that swings, nearly all."""
+    fit = replace(make_fit(), quality=quality, sigma=sigma)
+    assert _explained(fit, {"amplitude": amplitude, "sd_e": 0.1, "noise": noise}) == enough
+
+
+def test_a_load_step_on_a_self_regulating_loop():
+    """Shows its gain, the load's size and when it came; the loop is told that it is slow, its kind given or not."""
+    plant = Plant("self-regulating", 2.0, 5.0, (40.0, 6.0))
+    spec = LoopSpec(
+        name="L",
+        plant=plant,
+        controller=Controller(0.6, 46.0),
+        load=Steps((150.4,), (5.0,)),
+        noise=0.02,
+        seed=1,
+    )
+    samples = samples_of(Simulation([spec]).advance(1800.0))
+    for process in ("self-regulating", "auto"):
+        engine, seen = run(Loop(name="L", kp=0.6, ti=46.0, process=process), samples)
+        (found,) = seen.assessments
+        assert (found.kind, found.process, found.verdict) == ("load", "self-regulating", RETUNE)
+        assert "slow to recover" in found.reason
+        assert found.gain_lo is not None
+        assert found.gain_hi is not None
+        assert found.gain_lo <= 2.0 <= found.gain_hi < 2.0 * found.gain_lo
+        assert found.amplitude == pytest.approx(5.0, rel=0.05)
+        assert (found.start - int(samples.time[0])) / 1e9 == pytest.approx(150.4, abs=5.0)
+        new = engine.row(0)
+        assert new.new_kp is not None
+        assert new.new_kp > 0.6
 
 
 def test_an_event_cut_short_says_so():

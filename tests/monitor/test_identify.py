@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from twin import Array, pi_loop, response, samples_of
 
 from monitor.detect import Detector
+from monitor.fitting import blocks, load_response
 from monitor.fitting import response as fast_response
 from monitor.identify import (
     INTEGRATING,
@@ -21,6 +22,7 @@ from monitor.identify import (
     contradictory,
     correlation_time,
     decide,
+    fit_kinds,
     fit_window,
     model_response,
     setpoint_integrals,
@@ -101,9 +103,11 @@ def random_plant(rng: np.random.Generator, process: str = INTEGRATING) -> Plant:
 )
 @example([0.3] * 10, 1, 0.7, 1.0, 1.0, 1)
 @example([0.3] * 10, 0, 50.0, 1.0, 0.0, 1)
+@example([0.3] * 10, 0, 0.7, 4.0, 1.0, 1)
+@example([0.3] * 10, 0, 0.7, 1.0, 1.0, 1)
 def test_response_equals_its_naive_twin(steps, kind, dead_time, lag, lag2, seed):
     """Exact for held input at uneven times, any dead time, equal lags, no lag: against tiny Euler steps."""
-    if kind == 0 or lag < lag2:
+    if lag < lag2:
         lag2 = 0.0
     t = np.cumsum(np.array(steps)) - 1.0
     u = np.random.default_rng(seed).normal(size=len(t))
@@ -130,6 +134,41 @@ def test_response_to_a_step_is_the_textbooks():
     ramp = after - 4.0 * (1 - np.exp(-after / 4.0))
     np.testing.assert_allclose(fast_response(t, u, 0, 7.5, 4.0, 0.0), ramp, atol=1e-12)
     np.testing.assert_allclose(fast_response(t, u, 1, 7.5, 4.0, 0.0), 1 - np.exp(-after / 4.0), atol=1e-12)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    kind=st.sampled_from([0, 1]),
+    onset=st.integers(0, 20),
+    dead_time=st.floats(0.0, 9.0),
+    lag=st.sampled_from([0.0, 0.3, 4.0]),
+    lag2=st.sampled_from([0.0, 0.2, 4.0]),
+    seed=st.integers(0, 1000),
+)
+def test_a_load_acts_as_op_does(kind, onset, dead_time, lag, lag2, seed):
+    """A load step at a sample's instant moves PV as OP's own step there does, at uneven times."""
+    if lag < lag2:
+        lag2 = 0.0
+    t = np.cumsum(np.random.default_rng(seed).choice([0.5, 0.5, 1.0], size=60))
+    by_op = fast_response(t, (np.arange(60) >= onset).astype(float), kind, dead_time, lag, lag2)
+    by_load = load_response(t - t[onset], kind, 1.0, dead_time, lag, lag2)
+    at_the_jump = (lag == 0.0) & (np.abs(t - t[onset] - dead_time) < 1e-9)  # before or after: both are right
+    np.testing.assert_allclose(by_load[~at_the_jump], by_op[~at_the_jump], atol=1e-9)
+
+
+@settings(max_examples=25, deadline=None)
+@given(n=st.integers(12, 900), most=st.integers(10, 300), seed=st.integers(0, 1000))
+def test_blocks_keep_the_integral_of_op(n, most, seed):
+    """However a window is thinned: OP's integral at each block's start is that of all points, PV the mean."""
+    rng = np.random.default_rng(seed)
+    t, u, y = np.cumsum(rng.uniform(0.5, 1.5, n)), rng.normal(size=n), rng.normal(size=n)
+    at, mean, since, held = blocks(t, u, y, most)
+    size = -(-n // most)
+    assert len(at) == n // size
+    whole = np.concatenate([[0.0], np.cumsum(u[:-1] * np.diff(t))])
+    thinned = np.concatenate([[0.0], np.cumsum(held[:-1] * np.diff(since))])
+    np.testing.assert_allclose(thinned, whole[: len(at) * size : size], atol=1e-9)
+    assert mean[-1] == pytest.approx(y[(len(at) - 1) * size : len(at) * size].mean())
 
 
 # ---------------------------------------------------------------------------------------------------
@@ -233,6 +272,119 @@ def test_a_short_window_is_left_undecided_or_integrating():
     best, sure = decide([f for f in fits if f is not None], 60.0)
     assert best is not None
     assert not (sure and best.process == SELF_REGULATING)
+
+
+def load_event(plant: Plant, controller: Controller, noise: float, seed: int) -> tuple[int, Array] | None:
+    """Points before it was noticed, and window, of a load step of 5 between samples; None where it is not noticed."""
+    spec = LoopSpec(
+        name="L", plant=plant, controller=controller, load=Steps((150.4,), (5.0,)), noise=noise, seed=seed
+    )
+    detector = Detector([Loop(name="L")])
+    found = detector.run(samples_of(Simulation([spec]).advance(150 + 40 * plant.t0))) + detector.flush()
+    events = [(int(e["before"]), w) for e, w in found if e["what"] == CLOSED]
+    return events[0] if events else None
+
+
+def with_second_lag(seed: int) -> tuple[Plant, Controller]:
+    """A self-regulating plant of two lags under a PI that is slower than SIMC's."""
+    rng = np.random.default_rng(seed)
+    dead_time = float(rng.uniform(3.0, 8.0))
+    first = dead_time * float(rng.uniform(2.0, 10.0))
+    plant = Plant("self-regulating", 2.0, dead_time, (first, first * float(rng.uniform(0.05, 0.4))))
+    base = simc(plant, 1.0)
+    return plant, replace(base, kp=base.kp * float(rng.uniform(0.3, 1.0)), td=0.0)
+
+
+@pytest.fixture(scope="module")
+def after_loads() -> list[tuple[Plant, list[Fit]]]:
+    """Forty self-regulating plants after a load step at 1 % of noise, both kinds fitted."""
+    found = []
+    for seed in range(40):
+        plant, controller = with_second_lag(seed)
+        event = load_event(plant, controller, 0.02, seed)
+        if event is not None:
+            found.append((plant, fit_kinds(event[1], event[0], [INTEGRATING, SELF_REGULATING], True, 1.0)))
+    assert len(found) >= 35
+    return found
+
+
+def test_a_load_step_shows_the_gain_of_a_self_regulating_process(after_loads):
+    """To some percent in the median, where dead time, lags, gain and onset are told apart at all."""
+    errors = [abs(fits[1].gain / plant.gain - 1) for plant, fits in after_loads]
+    assert np.median(errors) < 0.08
+    assert np.mean([abs(fits[1].t0 / plant.t0 - 1) < 0.15 for plant, fits in after_loads]) > 0.85
+
+
+def test_intervals_after_a_load_step_cover_the_truth(after_loads):
+    """Of gain, T0 and the half rule's dead time, in nine of ten at least."""
+    inside = np.array(
+        [
+            [
+                fit.interval("gain")[0] <= plant.gain <= fit.interval("gain")[1],
+                fit.interval("t0")[0] <= plant.t0 <= fit.interval("t0")[1],
+                abs(fit.dead_time + fit.lag2 / 2 - plant.half_rule()[0]) <= 1.96 * math.sqrt(fit.cov[2, 2]),
+            ]
+            for plant, (_, fit) in after_loads
+        ]
+    )
+    assert (inside.mean(axis=0) >= 0.9).all()
+
+
+def test_the_kind_is_seen_after_a_load_step(after_loads):
+    """Self-regulating, or one with so long a lag that it is tuned as an integrating one."""
+    decided = [decide(fits, 1e9) for _, fits in after_loads]
+    assert (
+        np.mean([best is not None and best.process == SELF_REGULATING and sure for best, sure in decided])
+        > 0.9
+    )
+    for seed in range(8):
+        plant = random_plant(np.random.default_rng(seed))
+        event = load_event(plant, simc(plant, 1.0), 0.1 * abs(plant.gain), seed)
+        if event is not None:
+            best, sure = decide(fit_kinds(event[1], event[0], [INTEGRATING, SELF_REGULATING], True, 1.0), 1e9)
+            assert best is not None
+            assert not (sure and best.process == SELF_REGULATING)
+
+
+def test_the_valley_lies_about_the_fit(after_loads):
+    """A way of models from less to more dead time, the best among them, none better than the best."""
+    for _, (integrating, fit) in after_loads:
+        assert integrating.valley is None
+        if fit.valley is None:  # not believed
+            continue
+        assert (np.diff(fit.valley.models[:, 2]) >= 0).all()
+        assert fit.valley.deficit.min() == 0.0
+        assert (fit.valley.deficit >= 0).all()
+        assert fit.valley.models[0, 2] - 0.5 <= fit.dead_time <= fit.valley.models[-1, 2] + 0.5
+        assert np.linalg.eigvalsh(fit.valley.across).min() >= -1e-9
+
+
+def test_a_lag_shorter_than_a_block_is_found():
+    """Of a long window, in which two or three points make a block: the lag is not taken for dead time."""
+    plant = Plant("integrating", 0.01, 9.0, (2.5,))
+    window = window_of(plant, replace(simc(plant, 1.0), kp=simc(plant, 1.0).kp / 3), 900.0)
+    fit = fit_window(window, BEFORE, INTEGRATING)
+    assert fit is not None
+    assert fit.lag == pytest.approx(2.5, abs=0.1)
+    assert fit.dead_time == pytest.approx(9.0, abs=0.1)
+
+
+def test_a_lost_sample_widens_the_intervals():
+    """The row of the derivative's kick is lost: the gain is wrong by a tenth, and its interval says so."""
+    plant = Plant("integrating", 0.05, 4.0, (3.0,))
+    controller = replace(simc(plant, 1.0), kp=0.5 * simc(plant, 1.0).kp, td=6.0, tf=0.6)
+    window = window_of(plant, controller, 300.0, 0.002)
+    whole = fit_window(window, BEFORE, INTEGRATING)
+    fits = [fit_window(np.delete(window, BEFORE + k, axis=0), BEFORE, INTEGRATING) for k in (1, 2, 150)]
+    assert whole is not None
+    for fit in fits:
+        assert fit is not None
+        low, high = fit.interval("gain")
+        assert low <= plant.gain <= high
+    assert fits[0] is not None
+    assert fits[2] is not None
+    assert fits[0].scatter[0, 0] > 20 * whole.scatter[0, 0]
+    assert fits[2].scatter[0, 0] < 4 * whole.scatter[0, 0]  # nothing but noise moved there
 
 
 @pytest.mark.parametrize("process", [INTEGRATING, SELF_REGULATING])
@@ -364,6 +516,16 @@ def test_combining_keeps_the_sign():
     assert combine([make_fit(gain=-0.05), make_fit(gain=-0.06)]).gain < 0
 
 
+def test_combining_half_a_second_lag_counts_as_dead_time():
+    """Two fits that differ only in how a rounding is split up between lags and dead time are one process."""
+    sharp = make_fit(process=SELF_REGULATING, lag=20.0, dead_time=4.0, lag2=2.0)
+    other = make_fit(process=SELF_REGULATING, lag=19.0, dead_time=3.0, lag2=4.0)
+    joint = combine([sharp, other])
+    assert joint.lag + joint.lag2 / 2 == pytest.approx(21.0)
+    assert joint.dead_time + joint.lag2 / 2 == pytest.approx(5.0)
+    assert joint.valley is None
+
+
 def test_many_events_do_not_beat_the_mismatch():
     """However many events, the gain's standard deviation does not fall below the floor of 1 %."""
     joint = combine([make_fit() for _ in range(50)])
@@ -389,6 +551,26 @@ def test_decide():
     assert decide([one], 100.0) == (one, True)
     assert decide([two, one], 100.0) == (one, False)
     assert decide([replace(two, log_likelihood=120.0), one], 100.0)[1]
+    assert decide([replace(two, log_likelihood=97.0), one], 100.0) == (one, True)
+
+
+def test_a_long_lag_is_no_reason_for_doubt():
+    """Where a self-regulating process would be tuned as an integrating one, and explains no more, it is called that."""
+    one = make_fit(log_likelihood=100.0)
+    slow = make_fit(process=SELF_REGULATING, lag=40.0, log_likelihood=103.0)
+    assert decide([one, slow], 1e9) == (one, True)
+    assert decide([one, replace(slow, lag=20.0)], 1e9)[1] is False
+    assert decide([one, replace(slow, log_likelihood=107.0)], 1e9) == (
+        replace(slow, log_likelihood=107.0),
+        True,
+    )
+
+
+def test_likelihoods_are_compared_over_the_points_of_the_poorer_one():
+    """Twice as many independent points of equal variance are no better fit."""
+    one = replace(make_fit(log_likelihood=100.0), n_eff=50.0)
+    two = replace(make_fit(process=SELF_REGULATING, log_likelihood=200.0), n_eff=100.0)
+    assert decide([one, two], 1e9)[1] is False
 
 
 def test_a_loop_that_is_thinned_is_still_identified():

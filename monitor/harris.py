@@ -61,7 +61,7 @@ def harris_of(h: Any, delay: int) -> float | None:
         Dead time in whole samples. The index holds for the loop's own sampling.
     """
     n = float(h["har_n"])
-    if n < LEAST or not 1 <= delay < LAGS - ORDER // 2:
+    if n < LEAST or not 1 <= delay < LAGS:
         return None
     mean = float(h["har_sum"]) / (n * BLOCK)
     cov = h["har_cov"] / n - mean * mean

@@ -15,7 +15,7 @@ import numpy as np
 
 from . import harris, oscillation, sensor, travel, wiring
 from .oscillation import BLOCK, HORIZON, restart, strongest, taint, take, too_fast
-from .state import EVENT, SETPOINT_STEP, jit
+from .state import EVENT, QUIET, SETPOINT_STEP, jit
 from .stiction import stiction_of
 
 SHARE = 0.05
@@ -99,7 +99,7 @@ def observe(h, s, p, time, dt, gap, sp, pv, op, auto):  # noqa: ARG001 (the kern
 def _block(h, s, clean, seconds):
     """Do what is done once in 64 samples; ``clean``: the set point has not stepped."""
     travel.weigh_moves(h, BLOCK)
-    sensor.weigh_noise(h, BLOCK)
+    sensor.weigh_noise(h, BLOCK, s.phase <= QUIET)
     if clean and not (s.phase == EVENT and s.kind == SETPOINT_STEP):
         harris.correlate(h)
         mean = 0.0
@@ -118,7 +118,7 @@ def _block(h, s, clean, seconds):
 def _interrupt(h):
     """Begin anew what must not reach across a gap or a change of mode."""
     restart(h)
-    h.pv_q0 = h.pv_q1 = 0.0
+    h.pv_q0 = h.pv_q1 = h.pv_q2 = 0.0
     travel.pause(h)
     wiring.unhook(h)
 

@@ -47,6 +47,8 @@ FADED = 0.55
 """Error of the fading by one block: with few blocks a damped loop may seem to swing on."""
 MOST_IDLE = 0.5
 """Least share of a level's blocks in which the error moves throughout."""
+BETWEEN = 0.3
+"""And at the next finer level, whose blocks hold one to three cycles."""
 LEAST_CYCLES = 5.0
 """Least number of cycles in all blocks."""
 MANY_ALIKE = 16.0
@@ -107,9 +109,8 @@ def _choose(h, k):
         return
     period, strength, _ = cycle(h.acf[k] / np.float32(h.votes[k]))
     h.period_at[k] = period * 4.0**k
-    h.power_at[k] = (
-        strength * h.power[k] / h.votes[k] if strength >= max(FOLLOWED, NOT_YET / np.sqrt(n)) else 0.0
-    )
+    clear = strength >= max(FOLLOWED, NOT_YET / np.sqrt(n)) and _full(h, k)
+    h.power_at[k] = strength * h.power[k] / h.votes[k] if clear else 0.0
     best = 0
     for j in range(1, LEVELS):
         if h.power_at[j] > h.power_at[best]:
@@ -124,6 +125,17 @@ def _choose(h, k):
     if FINE * h.width <= h.period_at[best] <= 0.7 * CAP * h.width:
         width = h.width  # two levels see it: stay with the one that has cycles already
     follow(h, width, h.period_at[best], np.sqrt(2.0 * h.power_at[best]))
+
+
+@jit
+def _full(h, k):
+    """Whether the error moves throughout at a level and at the next finer one.
+
+    What only fills the time once it is averaged is pulses: a load that steps to and fro, answered each time.
+    """
+    if h.votes[k] < MOST_IDLE * h.blocks[k]:
+        return False
+    return k == 0 or h.votes[k - 1] >= BETWEEN * h.blocks[k - 1]
 
 
 @jit
@@ -287,6 +299,8 @@ def strongest(h: Any, period: float) -> Oscillation | None:
     for k in range(LEVELS):
         n = float(h["votes"][k])
         if n < 1.0 or n < MOST_IDLE * h["blocks"][k]:
+            continue
+        if k > 0 and h["votes"][k - 1] < BETWEEN * h["blocks"][k - 1]:
             continue
         cycled, strength, fading = cycle(h["acf"][k].astype(np.float64) / n)
         if cycled == 0.0 or strength < max(LEAST, UNSURE / math.sqrt(n)) or n * BLOCK < LEAST_CYCLES * cycled:

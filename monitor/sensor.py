@@ -9,9 +9,9 @@ import numpy as np
 
 from .state import jit
 
-WHITE = -0.6
-"""Lag-1 autocorrelation of second differences up to which the noise is white at this sampling; it is -2/3 for white
-noise, -1/2 for a random walk, above for anything smooth."""
+SMOOTH, UNWHITE = 0.5, 0.12
+"""Largest share of second differences' variance that may be the process's, and by how much the autocorrelation at
+lag 2 may lie below what white noise and a smooth process make; a random walk lies 0.25 below, a lag 0.2 and more."""
 FROZEN = 30
 """Samples for which PV must be exactly the same to count as frozen, or idle if SP and OP rest too."""
 UNUSUAL = 10.0
@@ -23,6 +23,8 @@ FIT, TRIES, FITTING = 0.02, 20.0, 0.95
 By chance, one in 25 fits."""
 LOUD = 1.0
 """Logarithm of a block's variance above the mean logarithm, at most; that of noise has a standard deviation of 0.3."""
+RESTLESS = 0.02
+"""Weight of a block in which an event ran: it counts where there is hardly another."""
 FAR = 500.0
 """Steps in a change beyond which it tells nothing of the step."""
 FINE = 0.05
@@ -45,6 +47,7 @@ JITTER = 0.02
 _f, _i = np.float64, np.int64
 FIELDS = [
     *[(n, _f) for n in ("pv_d", "pv_dd", "pv_dt", "pv_q0", "pv_q1", "pv_log", "pv_rho", "pv_known")],
+    *[(n, _f) for n in ("pv_older", "pv_q2", "pv_rho2")],
     *[(n, _f) for n in ("pv_step", "pv_tries", "pv_fits", "pv_changes", "pv_pairs", "pv_lines")],
     *[(n, _f) for n in ("pv_stays", "pv_stayed", "pv_n", "stuck_time", "idle_time", "still_op", "still_way")],
     *[(n, _f) for n in ("dt_low", "dt_sum", "dt_n")],
@@ -80,6 +83,8 @@ def sense(h, s, dt, sp, pv, op):
     dd = d - h.pv_d
     h.pv_q0 += dd * dd
     h.pv_q1 += dd * h.pv_dd
+    h.pv_q2 += dd * h.pv_older
+    h.pv_older = h.pv_dd
     if d == 0.0:
         _still(h, s, dt, sp, op)
     else:
@@ -139,27 +144,29 @@ def _still(h, s, dt, sp, op):
 
 
 @jit
-def weigh_noise(h, n):
-    """At the end of a block of ``n`` samples: its second differences; each block has one vote, in decibels."""
-    q0, q1 = h.pv_q0 / n, h.pv_q1 / n
-    h.pv_q0 = h.pv_q1 = 0.0
+def weigh_noise(h, n, quiet):
+    """At the end of a block of ``n`` samples: learn from its second differences; a quiet block has the most weight."""
+    q0, q1, q2 = h.pv_q0 / n, h.pv_q1 / n, h.pv_q2 / n
+    h.pv_q0 = h.pv_q1 = h.pv_q2 = 0.0
     if q0 > 0.0:
-        h.pv_log += clipped(np.log(q0), h.pv_log, h.pv_known)
-        h.pv_known += 1.0
-        h.pv_rho += q1 / q0
+        weight = 1.0 if quiet else RESTLESS
+        h.pv_log += weight * clipped(np.log(q0), h.pv_log, h.pv_known)
+        h.pv_known += weight
+        h.pv_rho += weight * q1 / q0
+        h.pv_rho2 += weight * q2 / q0
 
 
 @jit
 def clipped(value, total, n):
     """Cut what lies far above the mean so far: a block with a step in it."""
-    return min(value, total / n + LOUD) if n >= 4.0 else value
+    return min(value, total / n + LOUD) if n >= 1.0 else value
 
 
 @jit
 def blink(h):
     """Forget what ran, after a gap."""
     h.pv_rest = h.all_rest = 0
-    h.pv_d = h.pv_dd = h.pv_q0 = h.pv_q1 = 0.0
+    h.pv_d = h.pv_dd = h.pv_older = h.pv_q0 = h.pv_q1 = h.pv_q2 = 0.0
 
 
 @jit
@@ -167,6 +174,7 @@ def fade(h):
     """Halve the sums."""
     h.pv_log *= 0.5
     h.pv_rho *= 0.5
+    h.pv_rho2 *= 0.5
     h.pv_known *= 0.5
     h.pv_tries *= 0.5
     h.pv_fits *= 0.5
@@ -185,13 +193,17 @@ def fade(h):
 def noise_of(h: Any) -> float | None:
     """Return the standard deviation of PV's white noise [PV], None where it is not white at this sampling.
 
-    Second differences see noise and hardly any process: their variance is 6 sigma^2. Derived; holds for the loop's
-    own sampling. The blocks' geometric mean is what a quiet block shows: steps are few.
+    Second differences see noise and little of the process: their variance is 6 sigma^2, their autocorrelation at lags
+    1 and 2 is -2/3 and 1/6; a smooth process adds a share with 1 and 1, by which we know it. Derived; holds for the
+    loop's own sampling. The blocks' geometric mean is what a quiet block shows: steps are few.
     """
     n = float(h["pv_known"])
-    if n < 1.0 or h["pv_rho"] / n > WHITE:
+    if n <= 0.0:
         return None
-    return math.sqrt(math.exp(float(h["pv_log"]) / n) / 6.0)
+    share = max((float(h["pv_rho"]) / n + 2.0 / 3.0) / (5.0 / 3.0), 0.0)
+    if share > SMOOTH or float(h["pv_rho2"]) / n < 1.0 / 6.0 + share * 5.0 / 6.0 - UNWHITE:
+        return None
+    return math.sqrt(math.exp(float(h["pv_log"]) / n) * (1.0 - share) / 6.0)
 
 
 def quantum_of(h: Any) -> float | None:

@@ -18,21 +18,29 @@ from .scan import first_safe, worst_distance
 RADIUS = math.sqrt(7.815)
 """Radius, in sigma, of the 95 % region of three parameters (chi-squared, 3 degrees of freedom)."""
 
+LAG_SEEN = 2.0
+"""Sigmas from 0 from which a self-regulating process's lag is not in doubt."""
+
 
 def uncertain_models(fit: Fit, period: float) -> Model:
     """Return models of the fit's 95 % region as a controller of this period [s] meets them, fields (M, 1).
 
-    The first is the fit itself; then the ends of the region's axes, its edges and corners, and the ends of the axes
-    of gain and T0 at the lag found; and the points where each of the three is largest and least. The region lies in (ln |gain|, lag^2, T0) with the joint covariance: lag and dead
-    time are told apart by how much a response is rounded, which goes with the square of the lag (derived: the second
-    moment of the impulse response). So a lag that was found too long may well be none at all, while far longer ones
-    are excluded. Where the region reaches below a time of 0 it is cut: a point is drawn back towards the centre.
+    The first is the fit itself; then the ends of the region's axes, its edges and corners, the ends of two axes at the
+    lag found, and the points where each coordinate is largest and least. The coordinates, with the joint covariance,
+    are those in which the data speak (derived):
+
+    - (ln |gain|, lag^2, lag + dead time). Lag and dead time are told apart by how much a response is rounded, which
+      goes with the square of the lag (the second moment of the impulse response): a lag that was found too long may
+      well be none at all, while far longer ones are excluded.
+    - (ln |gain|, ln lag, dead time) for a self-regulating process whose lag is not in doubt: gain and lag share the
+      slope, which is their ratio.
+
+    Where the region reaches below a time of 0 it is cut: a point is drawn back towards the centre.
     """
     cov = _covariance(fit)
     scale = np.sqrt(np.maximum(np.diag(cov), 1e-300))
-    values, vectors = np.linalg.eigh(
-        cov / np.outer(scale, scale)
-    )  # of no unit, so that seconds and minutes agree
+    # of no unit, so that seconds and minutes agree
+    values, vectors = np.linalg.eigh(cov / np.outer(scale, scale))
     axes = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     signs = [np.array(s) for s in product((-1.0, 0.0, 1.0), repeat=3) if any(s)]
     directions = [s / np.linalg.norm(s) for s in signs]  # axes, edges and corners: 26 ways
@@ -46,18 +54,32 @@ def uncertain_models(fit: Fit, period: float) -> Model:
     return held(SelfRegulatingModel(gain, dead_time, lag, np.full_like(lag, fit.lag2)), period)
 
 
+def _by_ratio(fit: Fit) -> bool:
+    """Whether the lag is uncertain by a factor, rather than by the rounding that it leaves."""
+    return fit.process != INTEGRATING and fit.lag > LAG_SEEN * math.sqrt(max(fit.cov[1, 1], 0.0))
+
+
 def _covariance(fit: Fit) -> Array:
-    """Return the (3, 3) covariance of (ln |gain|, lag^2 [s^2], lag + dead time [s])."""
-    # of a normal variable's square: 4 mean^2 var + 2 var^2
-    slope = 2.0 * math.sqrt(fit.lag**2 + fit.cov[1, 1] / 2.0)
-    turn = np.array([[1.0, 0.0, 0.0], [0.0, slope, 0.0], [0.0, 1.0, 1.0]])
+    """Return the (3, 3) covariance of the region's coordinates."""
+    turn = np.eye(3)
+    if _by_ratio(fit):
+        turn[1, 1] = 1.0 / fit.lag
+    else:
+        # of a normal variable's square: 4 mean^2 var + 2 var^2
+        turn[1, 1] = 2.0 * math.sqrt(fit.lag**2 + fit.cov[1, 1] / 2.0)
+        turn[2, 1] = 1.0
     return np.asarray(turn @ fit.cov @ turn.T)
 
 
 def _inside(fit: Fit, offsets: Array) -> tuple[Array, Array, Array]:
-    """Return gain, lag and dead time [s] (M,) at offsets (M, 3) of (ln |gain|, lag^2, T0), drawn back to times >= 0."""
+    """Return gain, lag and dead time [s] (M,) at offsets (M, 3) of the coordinates, drawn back to times above 0."""
+    by_ratio = _by_ratio(fit)
 
     def at(share: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        if by_ratio:
+            lag = fit.lag * np.exp(np.clip(share * offsets[:, 1], -20.0, 20.0))
+            dead_time = fit.dead_time + share * offsets[:, 2]
+            return lag, np.maximum(dead_time, 0.0), dead_time >= 0
         square = fit.lag**2 + share * offsets[:, 1]
         lag = np.sqrt(np.maximum(square, 0.0))
         dead_time = fit.lag + fit.dead_time + share * offsets[:, 2] - lag

@@ -152,3 +152,15 @@ def test_stages_take_the_safest_way():
     assert worst.max() <= worst_peaks(region, today)[0]
     assert stages(region, new, replace(new, kp=2.0), 2.2) == [replace(new, kp=2.0)]
     assert {order(1.0) for order in ORDERS} == {(1.0, 1.0)}
+
+
+def test_a_self_regulating_process_keeps_its_slope():
+    """Gain and lag that are uncertain together, by a third, share their ratio in every model of the region."""
+    fit = make_fit(2.0, 30.0, 4.0, process=SELF_REGULATING)
+    scatter = np.diag([0.3**2, (0.3 * 30) ** 2, 0.01])
+    scatter[0, 1] = scatter[1, 0] = 0.9999 * 0.3 * 0.3 * 30
+    region = uncertain_models(replace(fit, scatter=scatter, floor=np.zeros(3)), 0.0)
+    slope = np.log(np.ravel(region.gain) / np.ravel(region.lags[0]))
+    assert np.ptp(np.log(np.ravel(region.gain))) > 1.5
+    assert np.ptp(slope) < 0.05
+    assert np.ptp(np.ravel(region.dead_time)) < 1.0

@@ -637,14 +637,23 @@ def plain(text: str) -> str:
 
 
 def warm_up() -> None:
-    """Compile (or load) the kernels on a small step, so that the first real sample does not wait for it."""
-    loops = LoopTable([Loop(name="warm-up")])
-    engine, order = Engine(loops), Order(1)
-    n = 200
-    step = (np.arange(n) >= 100).astype(float)
-    pv = np.convolve(step, np.full(20, 0.05))[:n]
-    samples = Samples.of(0, 10**18 + np.arange(n) * 10**9, step, pv, step - pv)
-    engine.step(samples)
+    """Compile (or load) all kernels on a small rehearsal, so that the first real event does not wait for them."""
+    loops = LoopTable([Loop(name="sluggish", kp=0.4, ti=300.0), Loop(name="swinging")])
+    engine, order = Engine(loops), Order(2)
+    n = 1500
+    k = np.arange(n)
+    sp = np.where((k >= 200) & (k < n - 20), 4.0, 0.0)  # one event that ends, one that is open at the end
+    pv, op = np.zeros(n), np.zeros(n)
+    integral = 0.0
+    for j in range(1, n):
+        pv[j] = pv[j - 1] + (0.05 * op[j - 5] if j >= 5 else 0.0)
+        integral += (sp[j] - pv[j]) / 300.0
+        op[j] = 0.4 * (sp[j] - pv[j] + integral)
+    wave = np.sin(0.15 * k)
+    time_ns = 10**18 + k * 10**9
+    engine.step(Samples.of(0, time_ns, sp, pv + 1e-3 * np.sin(37.0 * k), op))
+    engine.step(Samples.of(1, time_ns, 0.0, wave, -wave))
     engine.flush()
-    order.push(np.zeros(0, order.held.dtype), 0.0)
+    engine.rows()
+    order.push(np.zeros(1, order.held.dtype), 0.0)
     order.release(0.0)

@@ -187,7 +187,7 @@ def month(folder: Path, loops: int, days: int, period: int = 60, hours: int = 6)
         frame["sp"] = 50.0 + 5.0 * (hour // 240 % 2)
         monitor.put([("plant/frame", frame_of(frame))], hours * 3600.0)
         seen += len(frame)
-        if (hour + hours) % 24 == 0:
+        if (hour + hours) % 72 == 0:
             gc.collect()
             memory.append(resident())
         if hour == 48:

@@ -23,7 +23,7 @@ FIT, TRIES, FITTING = 0.02, 20.0, 0.95
 By chance, one in 25 fits."""
 LOUD = 1.0
 """Logarithm of a block's variance above the mean logarithm, at most; that of noise has a standard deviation of 0.3."""
-RESTLESS = 0.02
+RESTLESS = 0.1
 """Weight of a block in which an event ran: it counts where there is hardly another."""
 FAR = 500.0
 """Steps in a change beyond which it tells nothing of the step."""

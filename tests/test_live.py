@@ -477,7 +477,16 @@ def test_told_to_stop_while_the_kernels_are_compiled(tmp_path, endpoint):
     """SIGTERM during the first start, before anything was heard: exit 0 soon, not the deadline's 1."""
     cache = tmp_path / "cache"
     process = subprocess.Popen(
-        [sys.executable, "-m", "monitor.cli", "monitor", "--listen", endpoint, "--state", str(tmp_path / "s")],
+        [
+            sys.executable,
+            "-m",
+            "monitor.cli",
+            "monitor",
+            "--listen",
+            endpoint,
+            "--state",
+            str(tmp_path / "s"),
+        ],
         env={**os.environ, "NUMBA_CACHE_DIR": str(cache)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

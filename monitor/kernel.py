@@ -53,6 +53,7 @@ from .state import (
     STEP_MOVES,
     STEP_REST,
     STEP_STANDS_OUT,
+    STILLER,
     TIMEOUT,
     TOO_LARGE,
     TRIGGER,
@@ -422,7 +423,7 @@ def _listen(s, e, pv, op):  # noqa: C901 (a line for each average)
         if s.away > RING or (s.moves > 0 and s.based < RAMP_CALM):
             s.based = 0
         if s.unrest > AWAY:
-            _learn_anew(s)
+            _learn_anew(s, AWAY)
         return
     s.away = 0
     if s.unrest > 0.0:
@@ -459,10 +460,10 @@ def _listen(s, e, pv, op):  # noqa: C901 (a line for each average)
 
 
 @jit
-def _learn_anew(s):
-    """Forget the noise: the loop has another one now. It takes longer to know than at the start, to see slow waves."""
+def _learn_anew(s, learn):
+    """Forget the noise: the loop has another one now, to be known after ``learn`` samples (many, to see slow waves)."""
     s.warm = s.looks = 0
-    s.learn = AWAY
+    s.learn = learn
     s.unrest = 0.0
 
 
@@ -520,7 +521,8 @@ def _lies_still(s, time, dt, e):
     size = abs(s.amplitude)
     # the band of the short average when quiet; where that is not well known, 2 % of the step or white noise's
     band = min(6.0 * np.sqrt(s.var_s), max(0.02 * size, 2.0 * s.noise))
-    band = max(band, 0.5 * min(s.quantum, size), 1e-4 * size)
+    # a transmitter toggles between its last bits
+    band = max(band, 0.5 * min(s.quantum, size), min(1.5 * s.quantum, 0.1 * size), 1e-4 * size)
     s.low, s.high = min(s.low, s.short), max(s.high, s.short)
     s.sum_e += e * dt
     s.sum_t += dt
@@ -535,10 +537,12 @@ def _lies_still(s, time, dt, e):
         patience = 20.0  # PV has hardly begun, or has not begun to return: dead time, or a long lag
     if rest >= patience * max(WARM_UP * s.period, 0.5 * busy):
         _end(s, 1, 0, time)
+        if s.high - s.low < STILLER * np.sqrt(s.var_s) and rest > KNOWN * s.period:
+            _learn_anew(s, WARM_UP)
         return True
     if rest + busy > TIMEOUT * s.period or s.waves > HALF_WAVES:
         _end(s, 3, 0, time)
-        _learn_anew(s)
+        _learn_anew(s, AWAY)
         return True
     return False
 

@@ -71,6 +71,9 @@ TIMEOUT = 10_000
 """Periods after which an event is given up."""
 HALF_WAVES = 40
 """Half waves after which an oscillating event is given up: at a damping of 0.05 twenty waves leave 0.2 %."""
+STILLER = 1.5
+"""Standard deviations of the short average within which a loop comes to rest after an event that show it to be far
+quieter than was thought (the range over a minute is 4 to 5): what was known came from the transient before."""
 OUTLIER = 5.0
 """Standard deviations by which one sample may pull the short average when quiet: a spike alone does not reach the
 trigger (0.2 x 5 sd of the error are 3 sd of its average)."""

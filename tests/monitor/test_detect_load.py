@@ -177,3 +177,14 @@ def test_the_end_of_a_ramp_is_no_load():
     ramps = Steps((1000.0, 3000.0), (6.0, -6.0), 4000.0)
     samples = simulated(60_000.0, controller=slow, noise=0.05, setpoint=ramps, setpoint_rate=0.03)
     assert detected(samples)[1] == []
+
+
+def test_noise_that_was_learnt_from_a_transient_is_learnt_anew():
+    """The data begin far from rest; after the first step has settled, a load far below that transient is found."""
+    start = Steps((5.0, 1500.0), (20.0, 4.0))
+    quiet = replace(TUNED, ti=TUNED.ti * 2)
+    samples = simulated(5000.0, controller=quiet, noise=0.05, setpoint=start, load=Steps((4000.3,), (3.0,)))
+    _, found = detected(samples.take(slice(6, None)))
+    assert [e["amplitude"] for e in events_of(found)] == pytest.approx([4.0])
+    (load,) = loads_of(found)
+    assert 0 < (load["onset"] - START) / SECOND - 4000.3 < 30

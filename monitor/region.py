@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tuners.models import IntegratingModel, Model, SelfRegulatingModel
 from tuners.settings import Settings
 
-from .identify import INTEGRATING, Array, Fit
+from .identify import INTEGRATING, Array, Fit, Valley
 from .reference import held
 from .scan import first_safe, worst_distance
 
@@ -35,8 +35,12 @@ def uncertain_models(fit: Fit, period: float) -> Model:
     - (ln |gain|, ln lag, dead time) for a self-regulating process whose lag is not in doubt: gain and lag share the
       slope, which is their ratio.
 
+    Where the likely models lie on a bent valley (`Fit.valley`), the region follows it.
+
     Where the region reaches below a time of 0 it is cut: a point is drawn back towards the centre.
     """
+    if fit.valley is not None:
+        return held(_along(fit, fit.valley), period)
     cov = _covariance(fit)
     scale = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     # of no unit, so that seconds and minutes agree
@@ -57,6 +61,32 @@ def uncertain_models(fit: Fit, period: float) -> Model:
 def _by_ratio(fit: Fit) -> bool:
     """Whether the lag is uncertain by a factor, rather than by the rounding that it leaves."""
     return fit.process != INTEGRATING and fit.lag > LAG_SEEN * math.sqrt(max(fit.cov[1, 1], 0.0))
+
+
+def _along(fit: Fit, valley: Valley) -> Model:
+    """Return the fit, and the surface of the region about each model of a bent valley, fields (M, 1).
+
+    What a model has lost of its likelihood is taken off the radius of the region about it, so that all lie on
+    one surface.
+    """
+    near = valley.deficit < RADIUS**2
+    models, deficit = valley.models[near], valley.deficit[near]
+    cov = valley.across + np.diag(fit.floor)
+    scale = np.sqrt(np.maximum(np.diag(cov), 1e-300))
+    values, vectors = np.linalg.eigh(cov / np.outer(scale, scale))
+    axes = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    signs = [np.array(s) for s in product((-1.0, 0.0, 1.0), repeat=3) if any(s)]
+    directions = np.array([np.zeros(3), *(s / np.linalg.norm(s) @ axes.T for s in signs)])
+    offsets = np.sqrt(RADIUS**2 - deficit)[:, None, None] * directions
+    times = models[:, None, 1:3]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        room = np.where(offsets[..., 1:] < 0, times / -offsets[..., 1:], np.inf)
+    offsets = offsets * np.minimum(room.min(axis=-1), 1.0)[..., None]
+    gain = models[:, None, 0] * np.exp(np.clip(offsets[..., 0], -20.0, 20.0))
+    lag, dead_time = (np.maximum(times + offsets[..., 1:], 0.0)[..., k] for k in (0, 1))
+    second = np.broadcast_to(models[:, None, 3], gain.shape)
+    columns = zip((fit.gain, fit.dead_time, fit.lag, fit.lag2), (gain, dead_time, lag, second), strict=True)
+    return SelfRegulatingModel(*(np.concatenate([[one], np.ravel(many)])[:, None] for one, many in columns))
 
 
 def _covariance(fit: Fit) -> Array:

@@ -221,8 +221,10 @@ def _without_integral(health: Health, _row: LoopRow, loop: Loop) -> str:
     return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: the controller has no integral action"
 
 
-def _stays_off(health: Health, _row: LoopRow, _loop: Loop) -> str:
-    if not health.settled_offset:
+def _stays_off(health: Health, row: LoopRow, loop: Loop) -> str:
+    # a slow integral action looks like none, and a retune cures it
+    slow = row.verdict == RETUNE and loop.kp is not None and math.isfinite(loop.ti)
+    if not health.settled_offset or slow:
         return ""
     return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: no integral action, or OP held"
 

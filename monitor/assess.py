@@ -66,6 +66,14 @@ WIDEST_GAIN = 2.0
 INTEGRALS_AGREE = 0.25
 """Difference in ln gain between fit and integrals that proves nothing: at 3 % of noise it stays below 0.12; a
 disturbance of a quarter of the step brings more, and can bend a fit by a factor of two at a quality of 0.98."""
+MANY_UNCERTAIN = 0.2
+"""Share of an event's samples of uncertain quality from which that is said beside its figures."""
+LEAST_LOAD_FIT = 0.5
+"""Share of PV's variance that a load step must explain to be reported as one, where what is left over is small."""
+LOAD_REST = 0.12
+"""Residuals, as a share of the error's largest excursion, that do not speak against a load step."""
+LOAD_STANDS_OUT = 9.0
+"""Standard deviations of the error's short average when quiet that such a load step must reach."""
 LEAST_PERIODS = 4.0
 """Sample periods that the response must last (IAE per unit of step) before its shape is judged."""
 RESOLVED = 3.0
@@ -120,6 +128,9 @@ def assess_event(loop: Loop, form: str, event: Any, window: Array) -> Finding:
         over = 0.0 if load else overshoot(event, window)
         verdict, reason = judge(loop, form, model, (None, ci) if load else (ci, None), ms, over)
         reason = "; ".join(filter(None, [reason, _ended(event)]))
+    if event["uncertain"] > MANY_UNCERTAIN:
+        said = f"{float(event['uncertain']):.0%} of its samples are of uncertain quality"
+        reason = "; ".join(filter(None, [reason, said]))
     gain_integrals, t0_integrals = _by_integrals(event, fit)
     onset, amplitude = int(event["onset"]), float(event["amplitude"])
     if load:
@@ -151,10 +162,19 @@ def assess_event(loop: Loop, form: str, event: Any, window: Array) -> Finding:
         record,
         fit,
         usable=fit is not None and not against,
-        is_event=not load or (fit is not None and _explained(fit, event) and _op_moved(fit, event, window)),
+        is_event=not load
+        or (fit is not None and _is_load_step(fit, event) and _op_moved(fit, event, window)),
         noise=float(event["noise"]),
         period=float(event["period"]),
     )
+
+
+def _is_load_step(fit: Fit, event: Any) -> bool:
+    """Whether a step of the load explains enough to be reported; a verdict asks for more (`_explained`)."""
+    size = abs(float(event["amplitude"]))
+    rest = max(LIKE_NOISE * float(event["sd_e"]), LOAD_REST * size)
+    stands_out = size > LOAD_STANDS_OUT * math.sqrt(float(event["loop_state"]["var_s"]))
+    return fit.quality >= LEAST_FIT or (fit.quality >= LEAST_LOAD_FIT and fit.sigma <= rest and stands_out)
 
 
 def _op_moved(fit: Fit, event: Any, window: Array) -> bool:
@@ -174,6 +194,10 @@ def _explained(fit: Fit, event: Any) -> bool:
     others = fit.sigma > FAR_ABOVE_NOISE * float(event["noise"])
     if others:
         return fit.quality >= LEAST_FIT_AMONG_OTHERS
+    if (
+        event["kind"] == LOAD_STEP
+    ):  # its time and size are fitted too: little is left to tell it from a slow change
+        return fit.quality >= LEAST_FIT
     return fit.quality >= LEAST_FIT or (fit.quality >= LEAST_FIT_IN_NOISE and like_noise and not small)
 
 

@@ -125,12 +125,13 @@ _TROUBLE = "lates late_at rebased gaps blind".split()
 """Late samples in a row and the last one's time, how often the clock was set back, gaps in a row, samples in a row
 without a set point."""
 _EVENT = "onset still end end_state end_cause points before stride skipped waves side".split()
+_SINCE = ["ok_before", "uncertain_before"]
 _SHAPE = "amplitude held low high sum_e sum_t quiet sp_from pace".split()
 _LAST = "sp pv op dpv period short mean_pv mean_op var_d quantum least_gap unrest".split()
 
 STATE = np.dtype(
     [
-        *[(n, _i) for n in (*_FACTS, *_TROUBLE, *_EVENT, *COUNTS)],
+        *[(n, _i) for n in (*_FACTS, *_TROUBLE, *_EVENT, *_SINCE, *COUNTS)],
         *[(n, _f) for n in (*_LAST, *_SHAPE, *_NOISE)],
         # the noise at the last look, and at the one before
         *[(f"{n}_{k}", _f) for k in (1, 2) for n in _NOISE],
@@ -156,7 +157,7 @@ EVENT_OUT = [
             "number",
         )
     ],
-    *[(n, _f) for n in ("amplitude", "wall", "quiet", "offset", "period", "sp_from", "quantum")],
+    *[(n, _f) for n in ("amplitude", "wall", "quiet", "offset", "period", "sp_from", "quantum", "uncertain")],
     *_INTEGRALS,
     *_BASELINE,
 ]

@@ -29,6 +29,7 @@ def begin(s, ring, ring_time, slab, free, n_free, i, time):
     s.phase = CANDIDATE
     s.kind = SETPOINT_STEP
     s.onset = time
+    s.ok_before, s.uncertain_before = s.ok, s.uncertain
     n_free[0] -= 1
     s.slot = free[n_free[0]]
     s.s1 = s.s2 = s.s3 = s.y1 = s.y2 = s.iae = s.iae_noise = s.good = s.saturated = 0.0
@@ -188,6 +189,7 @@ def close(s, out, n, i):
     o.points, o.before, o.onset, o.end, o.number = s.points, s.before, s.onset, s.end, s.events
     o.amplitude, o.quiet, o.period, o.sp_from = s.amplitude, s.quiet, s.period, s.sp_from
     o.wall = (s.end - s.onset) * 1e-9
+    o.uncertain = (s.uncertain - s.uncertain_before) / max(s.ok - s.ok_before, 1)
     o.offset = s.sum_e / s.sum_t if s.sum_t > 0 else s.short
     o.s1, o.s2, o.s3, o.y1, o.y2 = s.s1, s.s2, s.s3, s.y1, s.y2
     o.iae, o.iae_noise, o.good, o.saturated = s.iae, s.iae_noise, s.good, s.saturated

@@ -14,6 +14,7 @@ _VESSEL = Plant("integrating", 0.03, 4.0, (2.0,))
 _LINE = Plant("self-regulating", 1.5, 2.0, (6.0,))
 _DRUM = Plant("integrating", 0.02, 3.0, (6.0, 2.0), inverse=(4.0,))
 _BIG = Plant("integrating", 0.002, 5.0)
+_RARELY = Steps((1800.0, 3600.0), (4.0, -4.0), 3600.0)
 
 
 def _loop(name: str, plant: Plant, controller: Controller, seed: int, tuning: str) -> LoopSpec:
@@ -57,7 +58,8 @@ def troubles(seed: int) -> list[LoopSpec]:
     quiet = _loop("LIC-509", _VESSEL, vessel, seed, "quiet")
     nothing = Steps()
     return [
-        replace(sticky, stiction=1.5, wander=0.02),
+        # a step of the set point every half hour, so that its cycle is seen between them
+        replace(sticky, stiction=1.5, wander=0.02, setpoint=_RARELY, load=Steps()),
         # 40 % more than the valve has left, for ten minutes every two hours.
         replace(limited, op0=80.0, load=Steps((3000.0, 3600.0), (-60.0, 60.0), 7200.0)),
         replace(coarse, quantum=0.4),

@@ -174,7 +174,6 @@ def test_uncertain_samples_are_used_and_counted(clean, tmp_path: Path) -> None:
     assert found.row == clean.row
 
 
-@pytest.mark.xfail(strict=True, reason="no record says yet how many of its samples were uncertain")
 def test_many_uncertain_samples_mark_the_index(tmp_path: Path) -> None:
     """More than a fifth of an event's samples uncertain: its figures stay, and the reason says so."""
     data = good(N).assign(quality=192)

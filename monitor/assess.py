@@ -57,6 +57,8 @@ FAR_ABOVE_NOISE = 5.0
 neighbour. Then a model must explain more."""
 LEAST_FIT_AMONG_OTHERS = 0.98
 """The share of PV's variance that it must explain then: what is left is a seventh of the standard deviation."""
+LEAST_LOAD_FIT_IN_NOISE = 0.9
+"""The same for a load step, whose time and size are fitted too: a wandering load has been explained by 85 %."""
 LIKE_NOISE = 1.3
 """Residuals up to this many standard deviations of the error when quiet are noise."""
 STANDS_OUT = 6.0
@@ -194,11 +196,8 @@ def _explained(fit: Fit, event: Any) -> bool:
     others = fit.sigma > FAR_ABOVE_NOISE * float(event["noise"])
     if others:
         return fit.quality >= LEAST_FIT_AMONG_OTHERS
-    if (
-        event["kind"] == LOAD_STEP
-    ):  # its time and size are fitted too: little is left to tell it from a slow change
-        return fit.quality >= LEAST_FIT
-    return fit.quality >= LEAST_FIT or (fit.quality >= LEAST_FIT_IN_NOISE and like_noise and not small)
+    in_noise = LEAST_LOAD_FIT_IN_NOISE if event["kind"] == LOAD_STEP else LEAST_FIT_IN_NOISE
+    return fit.quality >= LEAST_FIT or (fit.quality >= in_noise and like_noise and not small)
 
 
 def model_fields(fit: Fit) -> dict[str, float]:

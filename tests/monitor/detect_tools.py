@@ -46,7 +46,7 @@ def as_bytes(found: Found) -> list[tuple[bytes, bytes]]:
     for event, window in found:
         copy = event.copy()
         copy["slot"] = copy["loop_state"]["slot"] = 0
-        for name in (*COUNTS, "lates", "late_at"):
+        for name in (*COUNTS, "lates", "late_at", "ok_before", "uncertain_before"):
             copy["loop_state"][name] = 0
         out.append((copy.tobytes(), window.tobytes()))
     return out

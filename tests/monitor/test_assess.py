@@ -17,6 +17,7 @@ from monitor.judge import judge, trap
 from monitor.loops import Loop
 from monitor.records import GOOD, INCONCLUSIVE, RETUNE, Assessment
 from monitor.samples import Samples
+from monitor.state import LOAD_STEP, SETPOINT_STEP
 from sim_plants.controllers import Controller
 from sim_plants.loops import Simulation
 from sim_plants.plants import Plant
@@ -145,21 +146,24 @@ def test_evidence_that_cannot_carry_a_verdict(change, facts, word):
 
 
 @pytest.mark.parametrize(
-    ("quality", "sigma", "noise", "amplitude", "enough"),
+    ("kind", "quality", "sigma", "noise", "amplitude", "enough"),
     [
-        (0.96, 0.1, 0.1, 2.0, True),
-        (0.90, 0.1, 0.1, 2.0, True),  # nothing but noise is left
-        (0.90, 0.2, 0.1, 2.0, False),
-        (0.90, 0.1, 0.1, 0.5, False),  # noise makes shapes of this size
-        (0.96, 0.1, 0.01, 2.0, False),  # what is left has a cause of its own
-        (0.90, 0.1, 0.01, 2.0, False),
-        (0.99, 0.1, 0.01, 2.0, True),
+        (SETPOINT_STEP, 0.96, 0.1, 0.1, 2.0, True),
+        (SETPOINT_STEP, 0.85, 0.1, 0.1, 2.0, True),  # nothing but noise is left
+        (SETPOINT_STEP, 0.85, 0.2, 0.1, 2.0, False),
+        (SETPOINT_STEP, 0.85, 0.1, 0.1, 0.5, False),  # noise makes shapes of this size
+        (SETPOINT_STEP, 0.96, 0.1, 0.01, 2.0, False),  # what is left has a cause of its own
+        (SETPOINT_STEP, 0.85, 0.1, 0.01, 2.0, False),
+        (SETPOINT_STEP, 0.99, 0.1, 0.01, 2.0, True),
+        (LOAD_STEP, 0.93, 0.1, 0.1, 2.0, True),
+        (LOAD_STEP, 0.85, 0.1, 0.1, 2.0, False),  # time and size are fitted too: a slow change does as well
     ],
 )
-def test_what_a_model_must_explain(quality, sigma, noise, amplitude, enough):
+def test_what_a_model_must_explain(kind, quality, sigma, noise, amplitude, enough):
     """All but the noise; where far more than PV's noise is left over, as in a loop that swings, nearly all."""
     fit = replace(make_fit(), quality=quality, sigma=sigma)
-    assert _explained(fit, {"amplitude": amplitude, "sd_e": 0.1, "noise": noise}) == enough
+    event = {"kind": kind, "amplitude": amplitude, "sd_e": 0.1, "noise": noise}
+    assert _explained(fit, event) == enough
 
 
 def test_a_load_step_on_a_self_regulating_loop():

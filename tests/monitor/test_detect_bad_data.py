@@ -87,6 +87,9 @@ def test_an_uncertain_sample_is_used_and_counted():
     """Quality 64 to 191 counts as good data, and is counted apart."""
     samples = stepped()
     detector, found = detected(replace(samples, quality=np.full(700, 64, np.uint8)))
+    assert [float(e["uncertain"]) for e in events_of(found)] == [1.0]
+    for event, _ in found:
+        event["uncertain"] = 0.0
     assert as_bytes(found) == as_bytes(detected(samples)[1])
     assert detector.state[0]["uncertain"] == detector.state[0]["ok"] == 700
 

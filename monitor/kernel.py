@@ -35,6 +35,7 @@ from .state import (
     LONG,
     MAX_GAP,
     MOVING,
+    NOISE_FREE,
     OUTLIER,
     PACE,
     PATIENCE,
@@ -192,7 +193,7 @@ def _step(s, h, p, time, sp, pv, op, auto):
     if s.slot >= 0:
         _integrate(s, p, dt, pv)
     d = sp - pv - s.short
-    if s.phase == QUIET and d * d > OUTLIER * OUTLIER * s.var_e:
+    if s.phase == QUIET and OUTLIER * OUTLIER * s.var_e < d * d < NOISE_FREE * NOISE_FREE * s.var_e:
         most = OUTLIER * (np.sqrt(s.var_e) + 0.5 * s.quantum + 2e-3 * abs(s.amplitude))
         d = min(max(d, -most), most)
     s.short += _weight(dt, s.period) * d

@@ -188,3 +188,14 @@ def test_noise_that_was_learnt_from_a_transient_is_learnt_anew():
     assert [e["amplitude"] for e in events_of(found)] == pytest.approx([4.0])
     (load,) = loads_of(found)
     assert 0 < (load["onset"] - START) / SECOND - 4000.3 < 30
+
+
+@pytest.mark.parametrize("round_off", [0.0, 1e-12])
+def test_a_load_step_on_a_loop_without_noise(round_off):
+    """A simulator's PV rests exactly, or to round-off: what leaves that is a load step, however slowly it begins."""
+    late = np.maximum(np.arange(900) - 150, 0.0)
+    pv = 50 + 0.5 * (late / 40) ** 3 * np.exp(-late / 40)
+    pv += round_off * np.random.default_rng(1).normal(size=900)
+    (event,) = loads_of(detected(Samples.of(0, times(900), 50.0, pv, 100 - pv))[1])
+    assert STATES[event["state"]] == "settled"
+    assert event["amplitude"] > 0.4

@@ -197,5 +197,4 @@ def test_a_load_step_on_a_loop_without_noise(round_off):
     pv = 50 + 0.5 * (late / 40) ** 3 * np.exp(-late / 40)
     pv += round_off * np.random.default_rng(1).normal(size=900)
     (event,) = loads_of(detected(Samples.of(0, times(900), 50.0, pv, 100 - pv))[1])
-    assert STATES[event["state"]] == "settled"
-    assert event["amplitude"] > 0.4
+    assert event["amplitude"] > 0.6

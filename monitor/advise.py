@@ -7,7 +7,7 @@ model that the evidence allows, gentle enough on the valve, and within reach of 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,7 +43,7 @@ from .reference import (
 from .region import uncertain_models, worst_peaks
 from .stages import STAGE, rounded, stacked, stages
 
-__all__ = ["FURTHEST", "STAGE", "Advice", "Withheld", "advise", "op_noise"]
+__all__ = ["FURTHEST", "STAGE", "Advice", "Withheld", "advise", "op_noise", "renewed"]
 
 GAIN_WORTH = 0.85
 """A suggestion for speed must bring the predicted error below this share of today's."""
@@ -140,6 +140,31 @@ def advise(
         return _best(found, fit, structure, tc, name, ms)
     except (ValueError, NotRepresentableError) as error:
         return Withheld(f"no settings of the rule {name} for this model: {error}")
+
+
+def renewed(advice: Advice, loop: Loop, form: str, fit: Fit, noise: float, period: float) -> Advice | None:
+    """Return a suggestion that stands with the figures of a newer model; None where it is not safe on that any more.
+
+    Parameters are those of `advise`.
+    """
+    limits = Limits(loop, uncertain_models(fit, period), noise, period)
+    new, today, model = advice.settings, settings_of(loop, form), model_of(fit)
+    ms_new, ms_worst = limits.worst(new)
+    if ms_worst > loop.ms_max or any(np.any(where) for _, where in limits.broken(new)):
+        return None
+    figures = _predicted(model, [new, *([] if today is None else [today])])
+    structure = reference_structure(loop)
+    tc = closed_loop_time(loop, reduced(model, structure), period)
+    return replace(
+        advice,
+        ms=ms_new,
+        ms_worst=ms_worst,
+        ci=None if advice.ci is None else _index(_references(loop, fit, structure, tc), figures[0]),
+        op_noise=float(op_noise(new, noise, period)),
+        before=None if today is None else figures[-1],
+        after=figures[0],
+        stages=[new] if today is None else stages(limits.region, today, new, loop.ms_max),
+    )
 
 
 def _best(

@@ -25,7 +25,7 @@ from .identify import (
     setpoint_integrals,
 )
 from .judge import current_sensitivity, judge
-from .loops import Loop
+from .loops import Loop, lives_with_offset
 from .records import INCONCLUSIVE, Assessment, event_id
 from .reference import (
     LOAD,
@@ -279,7 +279,7 @@ def _against(  # noqa: C901 (one if for each reason)
     # a slow tail, as of an integral time longer than the event, is no rest
     time_enough = loop.kp is None or math.isinf(loop.ti) or event["wall"] > TAIL * loop.ti
     at_rest = STATES[event["state"]] == SETTLED and time_enough
-    if at_rest and abs(offset) > max(0.05 * size, 3.0 * event["sd_e"]):
+    if at_rest and not lives_with_offset(loop) and abs(offset) > max(0.05 * size, 3.0 * event["sd_e"]):
         why = (
             "no integral action"
             if loop.kp is not None and math.isinf(loop.ti)

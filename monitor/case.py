@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import msgspec
 import numpy as np
 
-from .advise import Advice, Withheld, advise
+from .advise import Advice, Withheld, advise, renewed
 from .assess import Finding, model_fields
 from .identify import Fit, combine, contradictory
 from .judge import current_sensitivity, judge
@@ -114,17 +114,20 @@ def _judge(loop: Loop, case: Case) -> LoopRow:
 
 
 def _advise(loop: Loop, case: Case, row: LoopRow, joint: Fit, period: float) -> LoopRow:
-    """Write a suggestion into the row; the old one is kept while the model stays inside its intervals."""
+    """Write a suggestion into the row; the old one is kept while the model stays inside its intervals, and it safe."""
     form = loop.canonical_form
     noise = float(np.median([f.noise for f in case.findings if f.usable]))
     kept = case.advice
-    if kept is None or not _inside(joint, kept.fit):
-        advice = advise(loop, form, joint, noise, period, row.ms, loop.rule or None)
-        if isinstance(advice, Withheld):
-            case.advice = None
-            return withhold(row, advice)
-        kept = case.advice = _Kept(advice, joint)
-    return with_settings(row, loop, form, kept.advice)
+    if kept is not None and _inside(joint, kept.fit):
+        still = renewed(kept.advice, loop, form, joint, noise, period)
+        if still is not None:
+            return with_settings(row, loop, form, still)
+    advice = advise(loop, form, joint, noise, period, row.ms, loop.rule or None)
+    if isinstance(advice, Withheld):
+        case.advice = None
+        return withhold(row, advice)
+    case.advice = _Kept(advice, joint)
+    return with_settings(row, loop, form, advice)
 
 
 def _inside(fit: Fit, old: Fit) -> bool:

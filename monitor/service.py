@@ -555,7 +555,9 @@ class Service:
 
     def _take_up(self) -> list[Record]:
         """Go on with the events that were open when the process was killed; return the others, as interrupted."""
-        going_on = self._open.take_up(self.engine, self.order, self._row_of, self._clock(), self._monotonic())
+        going_on = self._open.take_up(
+            self.engine, self.order, self._row_of, self.store.is_over, self._clock(), self._monotonic()
+        )
         left = [e for e in map(decode_event, self.store.open_events()) if e.loop in self.loops.by_name]
         left = [e for e in left if e.id not in going_on]
         if left:

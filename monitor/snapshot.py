@@ -57,7 +57,13 @@ class OpenEvents:
         self._any = any_open
 
     def take_up(
-        self, engine: Engine, order: Order, row_of: Callable[[str, str], int], now: int, arrival: float
+        self,
+        engine: Engine,
+        order: Order,
+        row_of: Callable[[str, str], int],
+        is_over: Callable[[str], bool],
+        now: int,
+        arrival: float,
     ) -> set[str]:
         """Go on with the events that were open; return their ids.
 
@@ -65,6 +71,8 @@ class OpenEvents:
         ----------
         row_of
             A loop's row in the table by name and key, -1 where it is not watched any more.
+        is_over
+            Whether the event of an id has closed since the snapshot: it is not opened again.
         now
             [ns since 1970]
         arrival
@@ -76,6 +84,10 @@ class OpenEvents:
         rows = np.array(
             [row_of(str(n), str(k)) for n, k in zip(found.names, found.keys, strict=True)], np.int64
         )
+        onsets = found.arrays["state"]["onset"] if "state" in found.arrays else np.zeros(len(rows), np.int64)
+        for k, (name, onset) in enumerate(zip(found.names, onsets, strict=True)):
+            if is_over(event_id(str(name), int(onset))):
+                rows[k] = -1
         engine.follow()
         order.grow(len(engine.loops))
         if not put_back(found, rows, engine.detector, order, arrival):

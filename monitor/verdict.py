@@ -23,7 +23,7 @@ from tuners.settings import Settings
 from .health import Health
 from .identify import INTEGRATING
 from .judge import MARGIN, trap
-from .loops import Loop
+from .loops import Loop, lives_with_offset
 from .records import INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow
 
 MANUAL = 0.5
@@ -216,7 +216,8 @@ def _cycle(row: LoopRow) -> str:
 
 
 def _without_integral(health: Health, _row: LoopRow, loop: Loop) -> str:
-    if not health.settled_offset or not (loop.kp is not None and math.isinf(loop.ti)):
+    without = loop.kp is not None and math.isinf(loop.ti)
+    if not health.settled_offset or not without or lives_with_offset(loop):
         return ""
     return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: the controller has no integral action"
 
@@ -224,7 +225,7 @@ def _without_integral(health: Health, _row: LoopRow, loop: Loop) -> str:
 def _stays_off(health: Health, row: LoopRow, loop: Loop) -> str:
     # a slow integral action looks like none, and a retune cures it
     slow = row.verdict == RETUNE and loop.kp is not None and math.isfinite(loop.ti)
-    if not health.settled_offset or slow:
+    if not health.settled_offset or slow or lives_with_offset(loop):
         return ""
     return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: no integral action, or OP held"
 

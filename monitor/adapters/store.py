@@ -144,6 +144,13 @@ class Store:
             for row in self._read("SELECT json FROM event WHERE instr(json, ?)", (b'"state":"open"',))
         ]
 
+    def is_over(self, identity: str) -> bool:
+        """Whether an event is known to have closed."""
+        closed = self._read(
+            "SELECT 1 FROM event WHERE id = ? AND NOT instr(json, ?)", (identity, b'"state":"open"')
+        )
+        return bool(closed or self._read("SELECT 1 FROM assessment WHERE id = ?", (identity,)))
+
     def _read(self, question: str, values: tuple[Any, ...] = ()) -> list[Any]:
         try:
             return self._db.execute(question, values).fetchall()

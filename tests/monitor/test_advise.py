@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from test_identify import make_fit
 from twin import noise_through
 
-from monitor.advise import FURTHEST, STAGE, Advice, Withheld, advise, op_noise
+from monitor.advise import FURTHEST, STAGE, Advice, Withheld, advise, op_noise, renewed
 from monitor.identify import SELF_REGULATING, Fit
 from monitor.loops import CONTROLLERS, OBJECTIVES, Loop
 from monitor.reference import held, model_of, reference_structure
@@ -509,3 +509,26 @@ def test_nothing_that_comes_in_leads_to_harm(
         with_today = [Settings(loop.kp, loop.ti, loop.td, loop.filter_time, form), *advice.stages]
         peaks = [float(peak_sensitivity(held(model_of(fit), 0.1 * unit), s)) for s in with_today]
         assert len(advice.stages) == 1 or max(peaks[1:]) <= max(ms_max, peaks[0]) * 1.001
+
+
+@pytest.mark.parametrize("sd", [(0.05, 1.0, 2.0), (0.1, 2.0, 4.0), (0.15, 3.0, 8.0)])
+def test_a_suggestion_that_stands_is_looked_at_on_each_new_model(sd):
+    """A model inside each of the old intervals can be one that the settings are not safe for: they are given up."""
+    loop = Loop(name="A", kp=0.3, ti=600.0)
+    old = make_fit(gain=0.02, lag=0.0, dead_time=40.0, sd=sd)
+    advice = advise(loop, "standard", old, 0.05, 1.0, 5.0)
+    assert isinstance(advice, Advice)
+    same = renewed(advice, loop, "standard", old, 0.05, 1.0)
+    assert same is not None
+    assert (same.settings, same.ms_worst) == (advice.settings, advice.ms_worst)
+    assert same.ci == pytest.approx(advice.ci)
+    corner = make_fit(
+        gain=0.02 * math.exp(1.9 * sd[0]),
+        lag=0.0,
+        dead_time=40.0 + 1.9 * sd[2],
+        sd=tuple(0.5 * s for s in sd),
+    )
+    assert renewed(advice, loop, "standard", corner, 0.05, 1.0) is None
+    surer = renewed(advice, loop, "standard", replace(old, scatter=old.scatter / 9.0), 0.05, 1.0)
+    assert surer is not None
+    assert surer.ms_worst < advice.ms_worst

@@ -229,3 +229,17 @@ def test_what_was_acknowledged_survives_a_kill(tmp_path, kills):
         assert kept >= acknowledged
         assert kept % 5 == 0
         store.close()
+
+
+def test_an_event_is_over_once_it_has_closed_or_was_assessed(store):
+    """What is open, or not known, is not over: it may be taken up again after a kill."""
+    with store.transaction():
+        store.keep_event("open", "k", 1, b'{"state":"open"}')
+        store.keep_event("closed", "k", 1, b'{"state":"settled"}')
+        store.keep_assessment("assessed", "k", 1, b"{}", b"")
+    assert [store.is_over(name) for name in ("open", "closed", "assessed", "never")] == [
+        False,
+        True,
+        True,
+        False,
+    ]

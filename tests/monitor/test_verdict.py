@@ -150,6 +150,14 @@ def test_a_loop_without_integral_action_is_told_so():
     assert "+3" in row.reason
 
 
+@pytest.mark.parametrize("facts", [{"controller": "p"}, {"controller": "pd"}, {"objective": "averaging"}])
+def test_an_offset_that_is_meant_is_no_finding(facts):
+    """A surge vessel, or a controller declared without integral action, may rest away from its set point."""
+    loop = Loop(name="LIC-1", kp=2.0, **facts)
+    row = conclude(tuned(GOOD), loop, healthy(settled_offset=True, offset=3.0))
+    assert (row.verdict, row.flags, row.offset) == (GOOD, (), 3.0)
+
+
 def test_a_slow_integral_is_no_missing_one():
     """Integral action is there, and the loop is to be retuned: its lasting error is what the retune cures."""
     off = healthy(settled_offset=True, offset=3.0)

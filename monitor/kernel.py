@@ -27,6 +27,7 @@ from .state import (
     DONE,
     DROP,
     EVENT,
+    GLITCH,
     HALF_WAVES,
     KNOWN,
     LOAD_QUANTA,
@@ -434,7 +435,9 @@ def _listen(s, e, pv, op):  # noqa: C901 (a line for each average)
         s.mean_e = s.mean_s = s.short = e
         s.abs_e = s.var_e = s.var_s = s.var_d = 0.0
     w = max(1.0 / s.warm, LONG)
-    d = e - s.mean_e
+    # while little is known, one glitch must not pass for the noise
+    most = GLITCH * s.abs_e if not known and s.warm > 3 and s.abs_e > 0.0 else np.inf
+    d = min(max(e - s.mean_e, -most), most)
     if not known or d * d <= 9.0 * s.var_e or s.var_e == 0.0:
         s.mean_e += w * d
         s.var_e += w * (d * d - s.var_e)
@@ -442,10 +445,11 @@ def _listen(s, e, pv, op):  # noqa: C901 (a line for each average)
     d = s.short - s.mean_s
     if known:
         d = min(max(d, -3.0 * np.sqrt(s.var_s)), 3.0 * np.sqrt(s.var_s)) if s.var_s > 0.0 else d
+    d = min(max(d, -most), most)
     s.mean_s += w * d
     s.var_s += w * (d * d - s.var_s)
     # second differences see noise and hardly any process: var = 6 sigma^2 for white noise
-    d = pv - s.pv - s.dpv
+    d = min(max(pv - s.pv - s.dpv, -2.0 * most), 2.0 * most)
     if s.warm > 2 and (not known or d * d <= 16.0 * s.var_d or s.var_d == 0.0):
         s.var_d += w * (d * d - s.var_d)
     s.based += 1

@@ -77,6 +77,8 @@ quieter than was thought (the range over a minute is 4 to 5): what was known cam
 OUTLIER = 5.0
 """Standard deviations by which one sample may pull the short average when quiet: a spike alone does not reach the
 trigger (0.2 x 5 sd of the error are 3 sd of its average)."""
+GLITCH = 10.0
+"""Mean sizes of the error by which one sample may count while a baseline is learnt."""
 NOISE_FREE = 1e6
 """Standard deviations of the error from which a deviation is no outlier: the signal is simulated, without noise."""
 REBASE = 20

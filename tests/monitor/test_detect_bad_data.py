@@ -291,3 +291,14 @@ def test_time_at_a_limit_is_counted_only_where_limits_are_known():
     assert with_limit.health[0]["limit_time"] == pytest.approx(at_limit, abs=1)
     without, _ = detected(replace(samples, op=np.clip(samples.op, 0, 100)))
     assert without.health[0]["limit_time"] == 0.0
+
+
+@pytest.mark.parametrize("value", [-999.0, 1e5])
+@pytest.mark.parametrize("at", [7, 12, 18])
+def test_a_glitch_at_the_start_does_not_pass_for_noise(value, at):
+    """One wild sample of good quality while the baseline is learnt: the step that comes later is found."""
+    samples = stepped(1200, at=600, size=2.0, noise=0.05)
+    pv = samples.pv.copy()
+    pv[at] = value
+    _, found = detected(replace(samples, pv=pv))
+    assert [float(e["amplitude"]) for e in events_of(found)] == [2.0]

@@ -16,6 +16,8 @@ FROZEN = 30
 """Samples for which PV must be exactly the same to count as frozen, or idle if SP and OP rest too."""
 UNUSUAL = 10.0
 """And that many times its usual stay at a value: a coarse PV dwells."""
+LEAST_STUCK = 300
+"""Samples for which it must rest once OP has begun to move: a dead time is none."""
 MOVED = 6.0
 """Standard deviations of its noise that OP must have moved meanwhile."""
 FIT, TRIES, FITTING = 0.02, 20.0, 0.95
@@ -32,6 +34,8 @@ FINE = 0.05
 STRAIGHT = 1e-4
 """Second difference over first below which three values lie on a line: in noise, one in ten thousand does; a
 response sampled 10,000 times in a time constant would."""
+SAME = 3.0
+"""Times that a change smaller than the step must be seen, more often than others, to be the step: once is a glitch."""
 SHORT_STAY = 64
 """Samples of an unmoved PV that an archive's deadband may explain; longer, it rests."""
 TELLS = 50.0
@@ -48,18 +52,33 @@ _f, _i = np.float64, np.int64
 FIELDS = [
     *[(n, _f) for n in ("pv_d", "pv_dd", "pv_dt", "pv_q0", "pv_q1", "pv_log", "pv_rho", "pv_known")],
     *[(n, _f) for n in ("pv_older", "pv_q2", "pv_rho2")],
-    *[(n, _f) for n in ("pv_step", "pv_tries", "pv_fits", "pv_changes", "pv_pairs", "pv_lines")],
+    *[
+        (n, _f)
+        for n in (
+            "pv_step",
+            "pv_tries",
+            "pv_fits",
+            "pv_changes",
+            "pv_pairs",
+            "pv_lines",
+            "pv_small",
+            "pv_same",
+        )
+    ],
     *[(n, _f) for n in ("pv_stays", "pv_stayed", "pv_n", "stuck_time", "idle_time", "still_op", "still_way")],
     *[(n, _f) for n in ("dt_low", "dt_sum", "dt_n")],
     ("pv_rest", _i),
     ("all_rest", _i),
     ("pv_seen", _i),
+    ("still_run", _i),
 ]
 
 
 @jit
 def interval(h, dt):
     """Take in the time since the last sample, gap or not."""
+    if h.pv_seen < 2:
+        return  # an export's first value is its boundary's, at any distance
     if h.dt_low == 0.0:
         h.dt_low = dt
     h.dt_n += 1.0
@@ -111,9 +130,20 @@ def _step(h, d, pv):
     """Whether a change is a whole multiple of the least one so far."""
     if d <= 1e-14 * abs(pv):
         return
-    if h.pv_step == 0.0 or d < 0.9 * h.pv_step:
+    if h.pv_step == 0.0:
         h.pv_step = d
-        h.pv_tries = h.pv_fits = 0.0
+        return
+    if d < 0.9 * h.pv_step:
+        h.pv_tries += 1.0
+        if abs(d - h.pv_small) < FIT * d:
+            h.pv_same += 1.0
+        elif h.pv_same > 1.0:
+            h.pv_same -= 1.0
+        else:
+            h.pv_small, h.pv_same = d, 1.0
+        if h.pv_same >= SAME:
+            h.pv_step = d
+            h.pv_small = h.pv_same = h.pv_tries = h.pv_fits = 0.0
         return
     r = d / h.pv_step
     if r < FAR:
@@ -126,7 +156,7 @@ def _step(h, d, pv):
 def _still(h, s, dt, sp, op):
     """Account for a sample at which PV is exactly what it was."""
     if h.pv_rest == 0:
-        h.still_op, h.still_way = s.op, 0.0
+        h.still_op, h.still_way, h.still_run = s.op, 0.0, 0
     h.pv_rest += 1
     n = h.pv_rest
     h.still_way = max(h.still_way, abs(op - h.still_op))
@@ -137,6 +167,9 @@ def _still(h, s, dt, sp, op):
         return
     h.all_rest = 0
     if n < FROZEN or h.still_way <= MOVED * h.op_noise or h.still_way < 0.05 * (h.op_max - h.op_min):
+        return
+    h.still_run += 1
+    if h.still_run < LEAST_STUCK:
         return
     usual = (h.pv_n - n) / (h.pv_changes + 1.0)
     if n > UNUSUAL * usual:

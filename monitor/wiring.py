@@ -30,12 +30,19 @@ FACTOR = 1.4
 """Least factor by which SP and PV must jump together to look like a change of unit; 1 degC is 1.8 degF and 32."""
 ALIKE = 0.05
 """Relative difference of their factors at most."""
+GLITCH = 10.0
+"""Times the usual size from which on a sample counts less: one odd value outweighs thousands in a sum of squares."""
+USUAL = 64.0
+"""Samples over which the usual size of what is not zero is taken."""
+STAYED = 0.5
+"""Share of an SP move that must still be there when the rest of the error is looked at: else it was a glitch."""
 
 _f, _i = np.float64, np.int64
 FIELDS = [
     *[(n, _f) for n in ("w_n", "w_sp", "w_pv", "w_op", "w_track", "w_units")],
     *[(n, _f) for n in ("w_ee", "w_ed", "w_dd", "w_eo", "w_do", "w_oo")],
-    *[(n, _f) for n in ("w_moves", "w_move2", "w_rest", "w_move", "w_from")],
+    *[(n, _f) for n in ("w_e", "w_d", "w_o")],
+    *[(n, _f) for n in ("w_moves", "w_move2", "w_rest", "w_move", "w_from", "w_to")],
     ("w_wait", _i),
 ]
 
@@ -45,12 +52,16 @@ def trace(h, s, e, sp, pv, op):
     """Take in one sample in automatic."""
     h.w_n += 1.0
     d, o = e - (s.sp - s.pv), op - s.op
-    h.w_ee += e * e
-    h.w_ed += e * d
-    h.w_dd += d * d
-    h.w_eo += e * o
-    h.w_do += d * o
-    h.w_oo += o * o
+    # scaled as one, so that what the controller makes of them stays the same
+    share = min(_trust(h.w_e, e), _trust(h.w_d, d), _trust(h.w_o, o))
+    h.w_e, h.w_d, h.w_o = _usual(h.w_e, e), _usual(h.w_d, d), _usual(h.w_o, o)
+    a, b, c = share * e, share * d, share * o
+    h.w_ee += a * a
+    h.w_ed += a * b
+    h.w_dd += b * b
+    h.w_eo += a * c
+    h.w_do += b * c
+    h.w_oo += c * c
     if o != 0.0:
         h.w_op += 1.0
     if pv != s.pv:
@@ -59,7 +70,7 @@ def trace(h, s, e, sp, pv, op):
             h.w_track += 1.0
     if h.w_wait > 0:
         h.w_wait -= 1
-        if h.w_wait == 0:
+        if h.w_wait == 0 and abs(sp - h.w_to) < (1.0 - STAYED) * abs(h.w_move):
             h.w_rest += h.w_move * (e - h.w_from)
             h.w_move2 += h.w_move * h.w_move
             h.w_moves += 1.0
@@ -67,8 +78,23 @@ def trace(h, s, e, sp, pv, op):
         h.w_sp += 1.0
         if h.w_wait == 0:
             h.w_move, h.w_from, h.w_wait = sp - s.sp, s.sp - s.pv, AFTER
+            h.w_to = sp
         if pv != s.pv and _rescaled(h, s, sp, pv, o):
             h.w_units += 1.0
+
+
+@jit
+def _trust(usual, x):
+    """Return the share of ``x`` that counts."""
+    return GLITCH * usual / abs(x) if abs(x) > GLITCH * usual > 0.0 else 1.0
+
+
+@jit
+def _usual(usual, x):
+    """Return the usual size after ``x``; what is zero tells nothing of it."""
+    if x == 0.0:
+        return usual
+    return usual + (min(abs(x), GLITCH * usual) - usual) / USUAL if usual > 0.0 else abs(x)
 
 
 @jit

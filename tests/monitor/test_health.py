@@ -118,6 +118,30 @@ def test_the_transmitters_step_is_found(step):
     assert health(50.0, pv.astype(np.float32), 30.0).quantum == pytest.approx(step, rel=1e-3)
 
 
+def test_one_odd_value_does_not_hide_the_transmitters_step():
+    """Nor does it make of a coarse PV that dwells a compressed one."""
+    pv = np.round((50 + 0.5 * noise()) / 0.5) * 0.5
+    pv[300] += 0.11
+    found = health(50.0, pv, 30 - noise())
+    assert found.quantum == pytest.approx(0.5, rel=1e-3)
+    assert found.compression == 0
+
+
+@pytest.mark.parametrize("first", [0.01, 0.1])
+def test_a_short_first_interval_is_no_compression(first):
+    """An export begins with its boundary's value."""
+    time = np.r_[0.0, first + np.arange(799)]
+    assert health(50.0, 50 + noise(800), 30 - noise(800), time=time).compression == pytest.approx(0, abs=0.02)
+
+
+def test_a_dead_time_is_no_frozen_pv():
+    """At the start of a short record without noise; a PV that stays frozen is one."""
+    t = np.arange(700)
+    op = 30 + 0.01 * np.maximum(t - 100, 0)
+    assert not health(50.0, 50 + 0.01 * np.maximum(t - 180, 0), op).stuck
+    assert health(50.0, 50.0, op).stuck
+
+
 def test_a_pv_without_steps_has_none():
     """Nor one whose steps are those of single precision, far below its noise."""
     assert health(50.0, 50 + noise(), 30.0).quantum is None
@@ -212,6 +236,20 @@ def test_a_moving_set_point_is_seen():
     assert health(np.where(np.arange(N) > 1000, 51.0, 50.0), 50 + noise(), 30.0).sp_moving == pytest.approx(
         1 / N, rel=0.1
     )
+
+
+@pytest.mark.parametrize("at", [10, 600, 2000])
+@pytest.mark.parametrize("value", [-999.25, 0.0, 1e5])
+def test_one_odd_value_does_not_condemn_the_tags(at, value):
+    """Of PV or of SP, OP takes no notice: the loop is as well wired as before, and as well sampled."""
+    e = 0.1 * noise()
+    sp = 50.0 + 5 * (np.arange(N) % 1000 >= 500)
+    op = 30 + 0.3 * e + 0.01 * np.cumsum(e)
+    odd = np.arange(N) == at
+    for found in (health(sp, np.where(odd, value, sp - e), op), health(np.where(odd, value, sp), sp - e, op)):
+        assert not found.mapping
+    slow = 50 + lfilter([0, 0.05], [1, -0.95], sp - 50) + e
+    assert not health(np.where(odd, value, sp), slow, op).undersampled
 
 
 @pytest.mark.parametrize(("lag", "coarse"), [(0.5, True), (20.0, False)])

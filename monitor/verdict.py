@@ -158,8 +158,10 @@ def _slave(health: Health, _row: LoopRow, loop: Loop) -> str:
     return ""
 
 
-def _at_limit(health: Health, _row: LoopRow, _loop: Loop) -> str:
-    share = _of(health.saturation)
+def _at_limit(health: Health, _row: LoopRow, loop: Loop) -> str:
+    # where no limit is known, an output that rests at its own extreme may have arrived where it belongs
+    known = loop.op_low is not None or loop.op_high is not None
+    share = _of(health.saturation) if known else 0.0
     return (
         f"OP is at its limit for {share:.0%} of the time: the loop has no room to control"
         if share > AT_LIMIT

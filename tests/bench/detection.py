@@ -18,7 +18,8 @@ looked at, verified or not.
 - cascade: a master moves SP by 0.1 to 3 % of span (standard deviation; correlation time 30 to 1000 s), at every
   sample or every 2, 5, 10 or 30 s. No set-point event, at most 0.1 load events a loop-week.
 
-No kind may bring an assessment that says `retune`.
+No kind may bring an assessment that says `retune`. ``flags``: flags at the end that say that a loop oscillates, its
+valve sticks, or its data are not to be trusted; none, but for the valve that cycles.
 
 *Known events* (tunings as plants have them, good and bad): six steps of either sign, 1.5 to 4 settling times apart.
 The smallest of a loop's steps has 5 to 50 standard deviations of PV's noise: a set-point step by its size, a load step
@@ -53,8 +54,18 @@ CHUNK = 2_000_000
 """Samples at a time: 100 MB."""
 GOAL = 0.98
 """Least precision, recall, and share of onsets that are right."""
+CONDEMN = {
+    "oscillating",
+    "stiction",
+    "stuck_pv",
+    "mapping_suspect",
+    "compressed",
+    "undersampled",
+    "config_change",
+}
+"""Flags that no healthy loop may bear at the end."""
 HEAD = (
-    f"{'kind':11}{'loop-weeks':>11}{'suspected':>10}{'set point':>10}{'load':>8}{'retune':>8}"
+    f"{'kind':11}{'loop-weeks':>11}{'suspected':>10}{'set point':>10}{'load':>8}{'retune':>8}{'flags':>8}"
     f"{'precision':>11}{'recall':>9}{'onset':>8}{'s':>7}"
 )
 
@@ -69,6 +80,8 @@ class Outcome:
     assessments: list[Assessment]
     specs: list[LoopSpec]
     seconds: float
+    flags: list[str] = field(default_factory=list)
+    """Flags of `CONDEMN` that loops bear at the end, each with its loop."""
     wanted: int = 0
     matches: list[tuple[Assessment, float]] = field(default_factory=list)
     """Assessments of known events, with the error of the onset [s]."""
@@ -111,6 +124,7 @@ def watch(name: str, loops: int, weeks: float, seed: int) -> Outcome:
         whole.weeks += part.weeks
         whole.suspected += part.suspected
         whole.wanted += part.wanted
+        whole.flags += part.flags
         whole.assessments += part.assessments
         whole.matches += part.matches
     return whole
@@ -129,6 +143,9 @@ def _watch(name: str, kind: Kind, specs: list[LoopSpec], seconds: float, began: 
     suspected = engine.disturbances + sum(a.kind == "load" for a in found)
     weeks = len(specs) * seconds / WEEK
     outcome = Outcome(name, weeks, suspected, found, specs, time.perf_counter() - began)
+    outcome.flags = [
+        f"{row.loop} {flag}" for row in engine.rows() for flag in CONDEMN.intersection(row.flags)
+    ]
     if kind.events:
         _match(outcome, kind.events, seconds, simulation.start_ns)
     return outcome
@@ -164,6 +181,7 @@ def table_line(o: Outcome) -> str:
     line += cell(str(setpoints), not known and setpoints > 0, 10)
     line += cell(str(loads), loads > KINDS[o.kind].most_loads * o.weeks, 8)
     line += cell(str(len(o.retunes)), len(o.retunes) > 0, 8)
+    line += cell(str(len(o.flags)), len(o.flags) > 0 and o.kind != "cycling", 8)
     for value, width in ((o.precision, 11), (o.recall, 9), (o.onset, 8)):
         line += cell(f"{100 * value:.1f} %", value < GOAL, width) if known else " " * width
     return f"{line}{o.seconds:7.0f}"
@@ -176,7 +194,7 @@ def describe(o: Outcome, most: int) -> str:
         f" {a.state}, {a.verdict}"
         for a in [*o.false("setpoint"), *o.false("load")][:most]
     ]
-    return "\n".join(lines)
+    return "\n".join([*lines, *(f"  {flag}" for flag in o.flags[:most])])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

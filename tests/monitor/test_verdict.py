@@ -54,7 +54,7 @@ SICK = {
 @pytest.mark.parametrize("verdict", [GOOD, RETUNE, NOT_ASSESSED])
 def test_what_comes_before_the_tuning_withholds_it(flag, verdict):
     """Flagged, inconclusive, said in words and with an action; no figure of a suggestion is left."""
-    row = conclude(tuned(verdict), Loop(name="LIC-1"), healthy(**SICK[flag]))
+    row = conclude(tuned(verdict), Loop(name="LIC-1", op_low=0.0, op_high=100.0), healthy(**SICK[flag]))
     assert flag in row.flags
     assert row.verdict == INCONCLUSIVE
     assert row.reason
@@ -113,7 +113,7 @@ def test_the_data_come_before_the_valve_and_the_valve_before_the_rest():
     everything: dict[str, Any] = {}
     for facts in SICK.values():
         everything |= facts
-    row = conclude(tuned(RETUNE), Loop(name="LIC-1"), healthy(**everything))
+    row = conclude(tuned(RETUNE), Loop(name="LIC-1", op_high=100.0), healthy(**everything))
     assert row.reason.startswith("PV is frozen")
     assert set(SICK) <= set(row.flags)
     no_data_trouble = {
@@ -148,6 +148,12 @@ def test_a_loop_without_integral_action_is_told_so():
     assert row.flags == ("no_integral", "offset")
     assert "no integral action" in row.reason
     assert "+3" in row.reason
+
+
+def test_rest_at_its_own_extreme_is_no_known_limit():
+    """Without limits in the table the share is flagged, and withholds nothing."""
+    row = conclude(tuned(RETUNE), Loop(name="LIC-1"), healthy(saturation=0.9))
+    assert (row.verdict, row.flags, row.new_kp) == (RETUNE, ("saturated",), 2.5)
 
 
 @pytest.mark.parametrize("facts", [{"controller": "p"}, {"controller": "pd"}, {"objective": "averaging"}])

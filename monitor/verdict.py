@@ -41,6 +41,8 @@ STICKS = 0.5
 FOLLOWS = 0.5
 """Share of samples at which the set point moves, from which the loop is a cascade's slave or follows a programme."""
 
+LED = 0.1
+"""Share of samples at which the set point moves, from which a cycle of the error may be the set point's own."""
 SAME_PERIOD = 2.0
 """Factor between a loop's own period and the one seen, up to which its settings may be the cause."""
 QUIET_OP = 1.0
@@ -175,13 +177,13 @@ def _touches_limit(health: Health, _row: LoopRow, _loop: Loop) -> str:
 
 
 def _sticks(health: Health, row: LoopRow, _loop: Loop) -> str:
-    if _of(health.stiction) <= STICKS:
+    if _of(health.stiction) <= STICKS or _of(health.sp_moving) > LED:
         return ""
     return f"the valve sticks (index {_of(health.stiction):.2f}): {_cycle(row)}"
 
 
 def _oscillates(health: Health, row: LoopRow, _loop: Loop) -> str:
-    return _cycle(row) if health.oscillating else ""
+    return _cycle(row) if health.oscillating and _of(health.sp_moving) <= LED else ""
 
 
 def _oscillates_otherwise(health: Health, row: LoopRow, loop: Loop) -> str:

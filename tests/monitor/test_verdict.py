@@ -150,6 +150,13 @@ def test_a_loop_without_integral_action_is_told_so():
     assert "+3" in row.reason
 
 
+@pytest.mark.parametrize("flag", ["stiction", "oscillating"])
+def test_a_cycle_of_the_set_point_is_not_the_loop_s(flag):
+    """Where the set point itself moves much of the time, neither valve nor loop is blamed for the error's cycle."""
+    row = conclude(tuned(RETUNE), LOOP, healthy(**SICK[flag], sp_moving=0.3))
+    assert (row.verdict, row.flags) == (RETUNE, ())
+
+
 def test_rest_at_its_own_extreme_is_no_known_limit():
     """Without limits in the table the share is flagged, and withholds nothing."""
     row = conclude(tuned(RETUNE), Loop(name="LIC-1"), healthy(saturation=0.9))

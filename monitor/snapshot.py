@@ -84,18 +84,21 @@ class OpenEvents:
         rows = np.array(
             [row_of(str(n), str(k)) for n, k in zip(found.names, found.keys, strict=True)], np.int64
         )
-        onsets = found.arrays["state"]["onset"] if "state" in found.arrays else np.zeros(len(rows), np.int64)
-        for k, (name, onset) in enumerate(zip(found.names, onsets, strict=True)):
-            if is_over(event_id(str(name), int(onset))):
-                rows[k] = -1
+        state = found.arrays.get("state", np.zeros(0))
+        if "onset" in (state.dtype.names or ()) and len(state) == len(rows):
+            onsets = state["onset"]
+            over = [
+                is_over(event_id(str(n), int(onset))) for n, onset in zip(found.names, onsets, strict=True)
+            ]
+            rows[over] = -1
         engine.follow()
         order.grow(len(engine.loops))
         if not put_back(found, rows, engine.detector, order, arrival):
             return set()
         rows = rows[rows >= 0]
         log.warning("%d open events are taken up again after %.0f s", len(rows), (now - found.time) * 1e-9)
-        onsets = engine.detector.state["onset"]
-        return {event_id(engine.loops[int(k)].name, int(onsets[k])) for k in rows}
+        begun = engine.detector.state["onset"]
+        return {event_id(engine.loops[int(k)].name, int(begun[k])) for k in rows}
 
 
 @dataclass(frozen=True, slots=True)

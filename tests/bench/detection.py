@@ -189,12 +189,13 @@ def table_line(o: Outcome) -> str:
 
 def describe(o: Outcome, most: int) -> str:
     """Say what was invented, and what was missed, loop by loop."""
+    wrong = [] if o.kind == "cycling" else o.flags
     lines = [
         f"  {a.loop} {a.kind} at {(a.start - 1_767_225_600_000_000_000) / 1e9:.1f} s: {a.amplitude:.3g}, fit {a.fit},"
         f" {a.state}, {a.verdict}"
         for a in [*o.false("setpoint"), *o.false("load")][:most]
     ]
-    return "\n".join([*lines, *(f"  {flag}" for flag in o.flags[:most])])
+    return "\n".join([*lines, *(f"  {flag}" for flag in wrong[:most])])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

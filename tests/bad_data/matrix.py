@@ -199,6 +199,8 @@ ROWS: dict[int, tuple[str, tuple[str, ...]]] = {
     )),
     60: ("any workers, any order", (
         "test_files.py::test_any_order_of_rows_gives_the_same_bytes",
+        "test_files.py::test_any_workers_and_any_order_of_tasks_give_the_same_bytes",
+        "test_files.py::test_eight_workers_give_the_same_bytes",
         f"{_AUDIT}::test_jobs_change_nothing", f"{_AUDIT}::test_any_cut_into_tasks_gives_the_same",
     )),
     61: ("stream and batch", (

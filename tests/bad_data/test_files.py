@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import gzip
+import json
 import resource
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,6 +19,7 @@ import pytest
 from harness import NAME, SETTINGS, Outcome, audit, both, good, same, write
 
 from monitor.audit import run_audit
+from monitor.fleet import plan
 from monitor.records import GOOD
 
 N = 700
@@ -166,3 +169,46 @@ def test_any_order_of_rows_gives_the_same_bytes(tmp_path: Path) -> None:
         out = tmp_path / str(number) / "outparquet"
         written.append([(out / f).read_bytes() for f in files])
     assert written[0] == written[1] == written[2]
+
+
+def test_any_workers_and_any_order_of_tasks_give_the_same_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One task; two in a pool of two; eight of them, shuffled: every file is the same, byte by byte."""
+    data = pd.concat([good(N, name=f"L{k}", seed=k) for k in range(9)])
+    table = [{**SETTINGS, "name": f"L{k}"} for k in range(9)]
+    folders = []
+    for cuts, jobs, seed in ((1, 1, 0), (2, 2, 0), (8, 1, 1)):
+
+        def shuffled(*given: Any, cuts: int = cuts, seed: int = seed) -> Any:
+            tasks = plan(*given[:3], cuts)
+            assert len(tasks) == cuts
+            return [tasks[k] for k in np.random.default_rng(seed).permutation(cuts)]
+
+        monkeypatch.setattr("monitor.audit_run.plan", shuffled)
+        folders.append(tmp_path / f"{cuts}-{jobs}-{seed}")
+        assert len(audit(data, folders[-1], ".parquet", table, jobs=jobs).events) == 9
+    first, *others = map(everything, folders)
+    assert all(other == first for other in others)
+
+
+@pytest.mark.slow
+def test_eight_workers_give_the_same_bytes(tmp_path: Path) -> None:
+    """A pool of eight processes, more than there are cores (15 s, most of it their starting)."""
+    data = pd.concat([good(N, name=f"L{k}", seed=k) for k in range(9)])
+    table = [{**SETTINGS, "name": f"L{k}"} for k in range(9)]
+    written = []
+    for jobs in (1, 8):
+        audit(data, tmp_path / str(jobs), ".parquet", table, jobs=jobs)
+        written.append(everything(tmp_path / str(jobs)))
+    assert written[0] == written[1]
+
+
+def everything(folder: Path) -> dict[str, bytes]:
+    """All that an audit has written, but when."""
+    out = folder / "outparquet"
+    about = json.loads((out / "audit.json").read_text())
+    assert about.pop("generated_at")
+    # the inputs were written anew: their bytes are compared, not where they lie
+    files = {f: (out / f).read_bytes() for f in ("events.parquet", "loops.parquet", "loops.csv")}
+    return {**files, "audit.json": json.dumps(about).encode()}

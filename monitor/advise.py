@@ -91,17 +91,17 @@ class Withheld:
     """The reason is that nothing is to be gained."""
 
 
-def advise(
-    loop: Loop, form: str, fit: Fit, noise: float, period: float, ms: float | None, rule: str | None = None
-) -> Advice | Withheld:
+def advise(loop: Loop, fit: Fit, noise: float, period: float, ms: float | None) -> Advice | Withheld:
     """Find the best settings of a rule that are safe, gentle and in reach.
+
+    The rule is the one that the loop's table names, where it serves the loop's structure and kind of process, else the
+    reference rule. One with a closed-loop time is slowed down like the reference; one without is taken as it is, or
+    not at all.
 
     Parameters
     ----------
     loop
         With the settings of today, where known.
-    form
-        Canonical form of the loop's controller: ``standard``, ``series``, ``parallel``.
     fit
         Process with its uncertainty; the suggestion holds for all of it.
     noise
@@ -110,10 +110,6 @@ def advise(
         Sample period, for the least closed-loop time and for the noise's way through the controller [s].
     ms
         Peak sensitivity of today's settings on the model, None where not known.
-    rule
-        Name in `tuners.rules.RULES` to use instead of the reference rule, where it serves the loop's structure and
-        kind of process; other loops keep the reference rule. One with a closed-loop time is slowed down like the
-        reference; one without is taken as it is, or not at all.
     """
     if loop.kp is not None and loop.kp * fit.gain < 0:
         return Withheld(
@@ -121,34 +117,32 @@ def advise(
         )
     limits = Limits(loop, uncertain_models(fit, period), noise, period)
     if loop.objective == "averaging":
-        return _averaging(limits, form, fit)
+        return _averaging(limits, fit)
     model = model_of(fit)
     structure = reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), period)
     times = tc * np.geomspace(1.0, SLOWEST, TIMES)
-    name = rule if rule is not None and serves(rule, structure, loop, fit.process) else RULE[structure]
+    name = loop.rule if loop.rule and serves(loop.rule, structure, loop, fit.process) else RULE[structure]
     try:
         if name == RULE[structure]:
             candidates = reference_candidates(loop, model, structure, times)
         else:
             times, candidates = named_candidates(name, model, times)
-        found = search(limits, form, times, candidates)
+        found = search(limits, times, candidates)
         if found.loud and name == RULE[structure]:
-            found = search(
-                limits, form, times, reference_candidates(loop, model, structure, times, loud=True)
-            )
+            found = search(limits, times, reference_candidates(loop, model, structure, times, loud=True))
         return _best(found, fit, structure, tc, name, ms)
     except (ValueError, NotRepresentableError) as error:
         return Withheld(f"no settings of the rule {name} for this model: {error}")
 
 
-def renewed(advice: Advice, loop: Loop, form: str, fit: Fit, noise: float, period: float) -> Advice | None:
+def renewed(advice: Advice, loop: Loop, fit: Fit, noise: float, period: float) -> Advice | None:
     """Return a suggestion that stands with the figures of a newer model; None where it is not safe on that any more.
 
     Parameters are those of `advise`.
     """
     limits = Limits(loop, uncertain_models(fit, period), noise, period)
-    new, today, model = advice.settings, settings_of(loop, form), model_of(fit)
+    new, today, model = advice.settings, settings_of(loop), model_of(fit)
     ms_new, ms_worst = limits.worst(new)
     if ms_worst > loop.ms_max or any(np.any(where) for _, where in limits.broken(new)):
         return None
@@ -172,7 +166,7 @@ def _best(
 ) -> Advice | Withheld:
     """Take the candidate that serves the loop's objective best and is, looked at exactly, safe."""
     limits, loop = found.limits, found.limits.loop
-    today, model = settings_of(loop, found.form), model_of(fit)
+    today, model = settings_of(loop), model_of(fit)
     references = _references(loop, fit, structure, tc)
     while found.at:
         candidates = found.typed()
@@ -269,14 +263,14 @@ def _predicted(model: Model, settings: list[Settings]) -> list[Figures]:
     return [(float(over), float(iae_setpoint), float(iae_load)) for over, iae_setpoint, iae_load in columns]
 
 
-def _averaging(limits: Limits, form: str, fit: Fit) -> Advice | Withheld:
+def _averaging(limits: Limits, fit: Fit) -> Advice | Withheld:
     """Suggest for a surge vessel the gain that its load and room ask for, and as much integral as damping allows.
 
     ``|Kc| = max_load/max_deviation`` (today's where these are not known), ``Ti = 4/(Kc K)``: damping 1 for a
     small dead time. No integral where the loop has none.
     """
     loop, model = limits.loop, model_of(fit)
-    today = settings_of(loop, form)
+    today = settings_of(loop)
     if not isinstance(model, IntegratingModel):
         return Withheld("the averaging rule is for integrating processes")
     if loop.max_load is not None and loop.max_deviation is not None:
@@ -287,7 +281,7 @@ def _averaging(limits: Limits, form: str, fit: Fit) -> Advice | Withheld:
         return Withheld("the averaging rule needs max_load and max_deviation, or today's settings")
     integral = reference_structure(loop) in {"pi", "pid"}
     ti = rounded(4.0 / (kp * fit.gain)) if integral else math.inf
-    new = Settings(kp, ti, 0.0, 0.0, form, loop.b, loop.c)
+    new = Settings(kp, ti, 0.0, 0.0, loop.canonical_form, loop.b, loop.c)
     ms_new, ms_worst = limits.worst(new)
     broken = [why for why, where in limits.broken(new) if np.any(where)]
     if ms_worst > loop.ms_max or broken:

@@ -100,35 +100,33 @@ class Finding:
     """[s]"""
 
 
-def assess_event(loop: Loop, form: str, event: Any, window: Array) -> Finding:
+def assess_event(loop: Loop, event: Any, window: Array) -> Finding:
     """Judge one closed event.
 
     Parameters
     ----------
     loop
         The loop's row; its settings are those in force during the event.
-    form
-        Canonical form of those settings (``standard``, ``series``, ``parallel``).
     event
         Row of dtype `detect.OUT`.
     window
         (n, 4) time [s], SP, PV [PV], OP held [OP].
     """
     load = event["kind"] == LOAD_STEP
-    fit, decided = _identify(loop, form, event, window)
+    fit, decided = _identify(loop, event, window)
     against = _against(loop, event, window, fit, decided)
     iae = float(event["iae"])
     # figures of a model that does not explain the event would only mislead
     trusted = fit if fit is not None and decided and _explained(fit, event) else None
     ci = None if trusted is None else index(loop, event, trusted)
     model = None if trusted is None else model_of(trusted)
-    ms = current_sensitivity(loop, form, model, float(event["period"]))
+    ms = current_sensitivity(loop, model, float(event["period"]))
     if against:
         verdict, reason = INCONCLUSIVE, "; ".join(against)
     else:
         assert model is not None  # noqa: S101 (what _against makes sure of)
         over = 0.0 if load else overshoot(event, window)
-        verdict, reason = judge(loop, form, model, (None, ci) if load else (ci, None), ms, over)
+        verdict, reason = judge(loop, model, (None, ci) if load else (ci, None), ms, over)
         reason = "; ".join(filter(None, [reason, _ended(event)]))
     if event["uncertain"] > MANY_UNCERTAIN:
         said = f"{float(event['uncertain']):.0%} of its samples are of uncertain quality"
@@ -223,7 +221,7 @@ def coverage(event: Any) -> float:
     return min(float(event["good"] / event["wall"]), 1.0) if event["wall"] > 0 else 0.0
 
 
-def _identify(loop: Loop, form: str, event: Any, window: Array) -> tuple[Fit | None, bool]:
+def _identify(loop: Loop, event: Any, window: Array) -> tuple[Fit | None, bool]:
     """Fit the kinds of process that the loop may be; return the best and whether the kind is beyond doubt.
 
     Directly first. A set-point step under much noise is also fitted by simulating the closed loop, where the known
@@ -235,7 +233,7 @@ def _identify(loop: Loop, form: str, event: Any, window: Array) -> tuple[Fit | N
     period = float(event["period"])
     direct = fit_kinds(window, before, kinds, load, period)
     best, decided = decide(direct, span)
-    settings = settings_of(loop, form)
+    settings = settings_of(loop)
     noisy = best is not None and best.sigma >= NOISY * float(np.ptp(window[:, 2]))
     if best is None or load or settings is None or not noisy:
         return best, decided

@@ -74,7 +74,6 @@ class Search:
     """Candidates of a rule, (R, T) from fast to slow along T, and how far along each row the search has come."""
 
     limits: Limits
-    form: str
     times: Array
     """tc (T,) [s]; NaN for a rule without."""
     many: Settings
@@ -87,9 +86,7 @@ class Search:
 
     def typed(self) -> dict[int, Settings]:
         """Return the candidates where the rows stand, as one types them."""
-        return {
-            row: typed(self.limits.loop, self.form, pick(self.many, row, k)) for row, k in self.at.items()
-        }
+        return {row: typed(self.limits.loop, pick(self.many, row, k)) for row, k in self.at.items()}
 
     def slower(self, row: int) -> None:
         """Go on to the next candidate of a row; a row at its end is given up."""
@@ -99,9 +96,9 @@ class Search:
             self.failing = self.limits.too_sensitive()
 
 
-def search(limits: Limits, form: str, times: Array, rule: Settings) -> Search:
+def search(limits: Limits, times: Array, rule: Settings) -> Search:
     """Find in each row of a rule's settings (R, T) the first that keep to all limits."""
-    many = in_form(limits.loop, form, rule)
+    many = in_form(limits.loop, rule)
     first = fastest_safe(limits.region, many, limits.loop.ms_max)
     columns = np.arange(len(times))
     unsafe = columns[None, :] < first[:, None]
@@ -111,7 +108,7 @@ def search(limits: Limits, form: str, times: Array, rule: Settings) -> Search:
     never = [why for why, broken in reasons if broken.all()]
     failing = "; ".join(never or [why for why, broken in reasons if broken.any()])
     loud = any(bool(np.any(broken & ~unsafe)) for why, broken in reasons if why.startswith(LOUD))
-    return Search(limits, form, times, many, at, failing, loud)
+    return Search(limits, times, many, at, failing, loud)
 
 
 def reference_candidates(
@@ -158,17 +155,17 @@ def serves(name: str, structure: str, loop: Loop, process: str) -> bool:
     return kind == structure and process in rule.processes and not rule.required
 
 
-def in_form(loop: Loop, form: str, rule: Settings) -> Settings:
+def in_form(loop: Loop, rule: Settings) -> Settings:
     """Return a rule's settings in the loop's form, with its filter ratio (ten where it has none) and weights."""
-    made = rule.to(form)
+    made = rule.to(loop.canonical_form)
     ratio = loop.td / loop.filter_time if loop.td > 0 and loop.filter_time > 0 else FILTER_RATIO
-    return Settings(made.kp, made.ti, made.td, made.td / ratio, form, loop.b, loop.c)
+    return Settings(made.kp, made.ti, made.td, made.td / ratio, made.form, loop.b, loop.c)
 
 
-def typed(loop: Loop, form: str, settings: Settings) -> Settings:
+def typed(loop: Loop, settings: Settings) -> Settings:
     """Return settings, in the loop's form already, to the digits that one types."""
     kp, ti, td = (rounded(float(x)) for x in (settings.kp, settings.ti, settings.td))
-    return in_form(loop, form, Settings(kp, ti, td, form=form))
+    return in_form(loop, Settings(kp, ti, td, form=settings.form))
 
 
 def pick(many: Settings, row: int, column: int) -> Settings:

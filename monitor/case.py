@@ -98,10 +98,10 @@ def _judge(loop: Loop, case: Case) -> LoopRow:
         setattr(row, name, value)
     if contradictory([f.fit for f in usable if f.fit is not None], joint):
         return inconclusive(row, "the events contradict each other: their gains differ beyond chance")
-    form, model, period = loop.canonical_form, model_of(joint), usable[-1].period
+    model, period = model_of(joint), usable[-1].period
     alone = len(usable) == 1 and not case.retuned  # the event's own figure is the loop's
-    row.ms = usable[0].record.ms if alone else current_sensitivity(loop, form, model, period)
-    row.verdict, row.reason = judge(loop, form, model, (row.ci_setpoint, row.ci_load), row.ms, 0.0)
+    row.ms = usable[0].record.ms if alone else current_sensitivity(loop, model, period)
+    row.verdict, row.reason = judge(loop, model, (row.ci_setpoint, row.ci_load), row.ms, 0.0)
     if alone and row.verdict == usable[0].record.verdict:
         row.reason = usable[0].record.reason  # it knows the overshoot and how the event ended
     if case.retuned:
@@ -115,19 +115,18 @@ def _judge(loop: Loop, case: Case) -> LoopRow:
 
 def _advise(loop: Loop, case: Case, row: LoopRow, joint: Fit, period: float) -> LoopRow:
     """Write a suggestion into the row; the old one is kept while the model stays inside its intervals, and it safe."""
-    form = loop.canonical_form
     noise = float(np.median([f.noise for f in case.findings if f.usable]))
     kept = case.advice
     if kept is not None and _inside(joint, kept.fit):
-        still = renewed(kept.advice, loop, form, joint, noise, period)
+        still = renewed(kept.advice, loop, joint, noise, period)
         if still is not None:
-            return with_settings(row, loop, form, still)
-    advice = advise(loop, form, joint, noise, period, row.ms, loop.rule or None)
+            return with_settings(row, loop, still)
+    advice = advise(loop, joint, noise, period, row.ms)
     if isinstance(advice, Withheld):
         case.advice = None
         return withhold(row, advice)
     case.advice = _Kept(advice, joint)
-    return with_settings(row, loop, form, advice)
+    return with_settings(row, loop, advice)
 
 
 def _inside(fit: Fit, old: Fit) -> bool:

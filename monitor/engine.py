@@ -135,7 +135,7 @@ class Engine:
     def _assess(self, event: Any, window: Array) -> list[Record]:
         row = int(event["loop"])
         loop = self.loops[row]
-        finding = assess_event(loop, loop.canonical_form, event, window)
+        finding = assess_event(loop, event, window)
         if not finding.is_event:
             self.disturbances += 1
             return []

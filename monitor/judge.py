@@ -6,11 +6,11 @@ import math
 
 from tuners.models import IntegratingModel, Model
 from tuners.robustness import peak_sensitivity
-from tuners.settings import NotRepresentableError, Settings
+from tuners.settings import NotRepresentableError
 
 from .loops import Loop
 from .records import GOOD, INCONCLUSIVE, RETUNE
-from .reference import LOAD, SETPOINT, held
+from .reference import LOAD, SETPOINT, held, settings_of
 
 MARGIN = 1.25
 """A loop is flagged for robustness above this many times its ``ms_max``: the reference itself may lie near it."""
@@ -18,24 +18,25 @@ TRAP = 2.0
 """Kc K Ti below which an integrator under PI rolls (damping below 0.7); good rules lie at 2.4 to 4."""
 
 
-def current_sensitivity(loop: Loop, form: str, model: Model | None, period: float) -> float | None:
+def current_sensitivity(loop: Loop, model: Model | None, period: float) -> float | None:
     """Ms of the loop's settings on a model, sampled every ``period`` [s]; inf where unstable, None where not known."""
-    if model is None or loop.kp is None or loop.kp * float(model.gain) < 0:
+    settings = settings_of(loop)
+    if model is None or settings is None or float(settings.kp) * float(model.gain) < 0:
         return None
-    settings = Settings(loop.kp, loop.ti, loop.td, loop.filter_time, form)
     return float(peak_sensitivity(held(model, period), settings))
 
 
-def trap(loop: Loop, form: str, model: Model | None) -> str:
+def trap(loop: Loop, model: Model) -> str:
     """Explain too much integral action on an integrator, empty where that is not the case.
 
     With a small dead time the damping is ``sqrt(Kc K Ti)/2``: below 2 the loop rolls, and *lowering* the
     gain makes it worse.
     """
-    if not isinstance(model, IntegratingModel) or loop.kp is None or not math.isfinite(loop.ti):
+    settings = settings_of(loop)
+    if not isinstance(model, IntegratingModel) or settings is None or not math.isfinite(loop.ti):
         return ""
     try:
-        standard = Settings(loop.kp, loop.ti, loop.td, loop.filter_time, form).to("standard")
+        standard = settings.to("standard")
     except NotRepresentableError:
         return ""
     product = float(standard.kp) * float(model.gain) * float(standard.ti)
@@ -50,14 +51,14 @@ def trap(loop: Loop, form: str, model: Model | None) -> str:
 
 
 def judge(
-    loop: Loop, form: str, model: Model, ci: tuple[float | None, float | None], ms: float | None, over: float
+    loop: Loop, model: Model, ci: tuple[float | None, float | None], ms: float | None, over: float
 ) -> tuple[str, str]:
     """Verdict and reason for a loop or event whose evidence is trusted.
 
     ``ci`` is (CI_sp, CI_ld); the loop's objective says which of them count.
     """
     if loop.objective == "averaging":
-        return _judge_averaging(loop, form, model, ms)
+        return _judge_averaging(loop, model, ms)
     reasons = []
     if ms is not None and ms > MARGIN * loop.ms_max:
         said = "unstable on the model" if math.isinf(ms) else f"Ms = {ms:.2f}"
@@ -74,7 +75,7 @@ def judge(
         if value < loop.ci_min:
             reasons.append(f"{name} = {value:.2f} ({loop.ci_min:.2g} at least{shape})")
     if reasons:
-        cause = trap(loop, form, model)
+        cause = trap(loop, model)
         return RETUNE, "; ".join([*reasons, cause] if cause else reasons)
     if not wanted and any(value is not None for value in ci):
         return INCONCLUSIVE, f"no index for what the loop is there for: its objective is {loop.objective}"
@@ -86,11 +87,11 @@ def judge(
     )
 
 
-def _judge_averaging(loop: Loop, form: str, model: Model, ms: float | None) -> tuple[str, str]:
+def _judge_averaging(loop: Loop, model: Model, ms: float | None) -> tuple[str, str]:
     """Judge a surge vessel by what it is for: gentle, not tight."""
     if ms is not None and ms > MARGIN * loop.ms_max:
         return RETUNE, f"averaging level too close to instability: Ms = {ms:.2f}"
-    cause = trap(loop, form, model)
+    cause = trap(loop, model)
     if cause:
         return RETUNE, f"averaging level: {cause}"
     return GOOD, "averaging level: judged by damping and robustness, not by speed"

@@ -38,11 +38,11 @@ def held(model: Model, period: float) -> Model:
     return replace(model, dead_time=model.dead_time + 0.5 * period)
 
 
-def settings_of(loop: Loop, form: str) -> Settings | None:
-    """Return the loop's current settings in canonical units, None where they are not known."""
+def settings_of(loop: Loop) -> Settings | None:
+    """Return the loop's current settings in canonical form and units, None where they are not known."""
     if loop.kp is None:
         return None
-    return Settings(loop.kp, loop.ti, loop.td, loop.filter_time, form, loop.b, loop.c)
+    return Settings(loop.kp, loop.ti, loop.td, loop.filter_time, loop.canonical_form, loop.b, loop.c)
 
 
 def reference_structure(loop: Loop) -> str:

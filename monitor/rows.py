@@ -41,12 +41,12 @@ def withhold(row: LoopRow, withheld: Withheld) -> LoopRow:
     return row
 
 
-def with_settings(row: LoopRow, loop: Loop, form: str, advice: Advice) -> LoopRow:
+def with_settings(row: LoopRow, loop: Loop, advice: Advice) -> LoopRow:
     """Fill in the columns of a suggestion; return the row."""
     new = advice.settings
     row.rule, row.form = advice.rule, loop.form
     row.new_kp, row.new_ti, row.new_td, row.new_tf = (float(v) for v in (new.kp, new.ti, new.td, new.tf))
-    if form == "parallel":
+    if new.form == "parallel":
         row.new_ki, row.new_kd = float(new.ki), float(new.kd)
     row.new_ms, row.new_ms_worst, row.new_ci = advice.ms, advice.ms_worst, advice.ci
     row.new_overshoot, row.new_iae_setpoint, row.new_iae_load = advice.after

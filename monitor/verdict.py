@@ -18,13 +18,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from tuners.models import IntegratingModel, SelfRegulatingModel
-from tuners.settings import Settings
 
 from .health import Health
 from .identify import INTEGRATING
 from .judge import MARGIN, trap
 from .loops import Loop, lives_with_offset
 from .records import INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow
+from .reference import settings_of
 
 MANUAL = 0.5
 """Share of time in manual from which the loop is not in control."""
@@ -40,13 +40,10 @@ STICKS = 0.5
 """Stiction index from which the valve is named."""
 FOLLOWS = 0.5
 """Share of samples at which the set point moves, from which the loop is a cascade's slave or follows a programme."""
-
 LED = 0.1
 """Share of samples at which the set point moves, from which a cycle of the error may be the set point's own."""
 SAME_PERIOD = 2.0
 """Factor between a loop's own period and the one seen, up to which its settings may be the cause."""
-QUIET_OP = 1.0
-"""Multiple of the loop's ``op_noise_max`` that noise may put on OP before it is called noisy."""
 
 WITHHOLDS, EXPLAINS, MARKS = "withholds", "explains", "marks"
 """What a branch does: overrules any verdict on the tuning (`inconclusive`); says why a loop was not assessed; or only
@@ -198,14 +195,14 @@ def _oscillates_otherwise(health: Health, row: LoopRow, loop: Loop) -> str:
 
 def _rolls_by_itself(row: LoopRow, loop: Loop) -> bool:
     """Whether the settings of today explain an oscillation: a poorly damped loop, and its own period."""
-    if row.ms is None or row.gain is None or row.oscillation_period is None or loop.kp is None:
+    settings = settings_of(loop)
+    if row.ms is None or row.gain is None or row.oscillation_period is None or settings is None:
         return False
     dead_time, lag = row.dead_time or 0.0, row.lag or 0.0
     integrating = row.process == INTEGRATING
     model = (IntegratingModel if integrating else SelfRegulatingModel)(row.gain, dead_time, lag)
-    if row.ms <= MARGIN * loop.ms_max and not trap(loop, loop.canonical_form, model):
+    if row.ms <= MARGIN * loop.ms_max and not trap(loop, model):
         return False
-    settings = Settings(loop.kp, loop.ti, loop.td, loop.filter_time, loop.canonical_form)
     # relative to the period seen; the loop's own is where it amplifies most
     ratio = np.geomspace(1 / 30, 30, 301)
     omega = 2 * np.pi / row.oscillation_period * ratio
@@ -238,7 +235,7 @@ def _noisy(health: Health, _row: LoopRow, loop: Loop) -> str:
     if loop.op_span is None or health.op_noise is None:
         return ""
     share = 100.0 * health.op_noise / loop.op_span
-    return f"noise moves OP by {share:.2g} % of its span" if share > QUIET_OP * loop.op_noise_max else ""
+    return f"noise moves OP by {share:.2g} % of its span" if share > loop.op_noise_max else ""
 
 
 def _of(value: float | None) -> float:

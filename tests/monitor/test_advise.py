@@ -18,7 +18,7 @@ from twin import noise_through
 from monitor.advise import FURTHEST, STAGE, Advice, Withheld, advise, op_noise, renewed
 from monitor.identify import SELF_REGULATING, Fit
 from monitor.loops import CONTROLLERS, OBJECTIVES, Loop
-from monitor.reference import held, model_of, reference_structure
+from monitor.reference import held, model_of, reference_structure, settings_of
 from monitor.region import uncertain_models
 from tuners.models import IntegratingModel
 from tuners.robustness import peak_sensitivity
@@ -28,14 +28,11 @@ from tuners.settings import Settings
 PERIOD = 0.5
 
 
-def asked(loop: Loop, fit: Fit | None = None, form: str | None = None, **facts: Any) -> Advice | Withheld:
+def asked(loop: Loop, fit: Fit | None = None, noise: float = 0.01) -> Advice | Withheld:
     fit = make_fit() if fit is None else fit
-    form = loop.form if form is None else form
-    ms = None
-    if loop.kp is not None:
-        today = Settings(loop.kp, loop.ti, loop.td, loop.filter_time, form)
-        ms = float(peak_sensitivity(held(model_of(fit), PERIOD), today))
-    return advise(loop, form, fit, facts.get("noise", 0.01), facts.get("period", PERIOD), ms)
+    today = settings_of(loop)
+    ms = None if today is None else float(peak_sensitivity(held(model_of(fit), PERIOD), today))
+    return advise(loop, fit, noise, PERIOD, ms)
 
 
 def given_advice(*args: Any, **facts: Any) -> Advice:
@@ -108,7 +105,7 @@ def test_a_suggestion_is_safe_for_the_whole_interval(
 )
 def test_structure_and_form_are_kept(today, structure, form):
     """PI stays PI, PID stays PID, P and PD stay without integral action, in the loop's own form."""
-    new = given_advice(Loop(name="L", form=form, **today), form=form).settings
+    new = given_advice(Loop(name="L", form=form, **today)).settings
     assert new.form == form
     assert math.isfinite(float(new.ti)) == (structure in {"pi", "pid"})
     assert (float(new.td) > 0) == (structure in {"pid", "pd"})
@@ -370,8 +367,7 @@ RULED = [
 @pytest.mark.parametrize(("rule", "facts", "used"), RULED)
 def test_a_rule_by_name(rule, facts, used):
     """Any rule that serves the loop's structure and process; the reference rule for other loops."""
-    loop = sluggish(ms_max=3.0, **facts)
-    advice = advise(loop, loop.form, make_fit(), 0.0, PERIOD, None, rule)
+    advice = advise(sluggish(ms_max=3.0, rule=rule, **facts), make_fit(), 0.0, PERIOD, None)
     assert isinstance(advice, Advice), advice
     assert advice.rule == used
     assert advice.ms_worst <= 3.0
@@ -385,12 +381,11 @@ def test_a_rule_by_name(rule, facts, used):
 
 def test_a_rule_by_name_is_not_exempt():
     """Ziegler-Nichols breaks the limit, and without a closed-loop time it cannot be slowed down."""
-    loop = sluggish(kp=0.3)
-    none = advise(loop, "standard", make_fit(), 0.0, PERIOD, None, "ziegler-nichols-pi")
+    none = advise(sluggish(kp=0.3, rule="ziegler-nichols-pi"), make_fit(), 0.0, PERIOD, None)
     assert isinstance(none, Withheld)
     assert "Ms" in none.reason
-    tight = sluggish(kp=0.3, closed_loop_time=0.5)
-    slowed = advise(tight, "standard", make_fit(), 0.0, PERIOD, None, "imc-pi")
+    tight = sluggish(kp=0.3, closed_loop_time=0.5, rule="imc-pi")
+    slowed = advise(tight, make_fit(), 0.0, PERIOD, None)
     assert isinstance(slowed, Advice)
     assert slowed.closed_loop_time > 1.0
 
@@ -401,8 +396,8 @@ def test_every_rule_is_safe_or_withheld(rule):
     for process in ("integrating", SELF_REGULATING):
         fit = make_fit(lag=8.0, dead_time=3.0, process=process)
         for facts in ({}, {"td": 2.0}, {"ti": math.inf}, {"td": 2.0, "b": 0.0, "c": 0.0}):
-            loop = sluggish(kp=0.5, form="series", **facts)
-            advice = advise(loop, "series", fit, 0.01, PERIOD, None, rule)
+            loop = sluggish(kp=0.5, form="series", rule=rule, **facts)
+            advice = advise(loop, fit, 0.01, PERIOD, None)
             if isinstance(advice, Withheld):
                 assert advice.reason
             else:
@@ -413,7 +408,7 @@ def test_every_rule_is_safe_or_withheld(rule):
 
 def test_a_gain_of_the_other_sign_is_not_turned_round():
     """Today's settings could not run that process: the table or the model is wrong."""
-    none = advise(sluggish(kp=-0.6), "standard", make_fit(), 0.0, PERIOD, None)
+    none = advise(sluggish(kp=-0.6), make_fit(), 0.0, PERIOD, None)
     assert isinstance(none, Withheld)
     assert "sign" in none.reason
 
@@ -454,7 +449,7 @@ def test_a_proportional_loop_is_left_alone_where_nothing_is_gained():
     weights=st.sampled_from([(1.0, 1.0), (1.0, 0.0), (0.0, 0.0), (0.5, 0.0)]),
     noise=st.sampled_from([0.0, 1e-3, 10.0]),
     ms_max=st.floats(1.05, 4.0),
-    rule=st.sampled_from([None, None, "imc-pid", "imc-pi", "kaya-iste", "ziegler-nichols", "lambda-pi"]),
+    rule=st.sampled_from(["", "", "imc-pid", "imc-pi", "kaya-iste", "ziegler-nichols", "lambda-pi"]),
     seed=st.integers(0, 99),
 )
 def test_nothing_that_comes_in_leads_to_harm(
@@ -490,8 +485,9 @@ def test_nothing_that_comes_in_leads_to_harm(
         name="L", kp=None if kp is None else -kp / size, ti=ti * unit if kp else math.inf, td=td * unit if kp else 0.0,
         form=form, objective=objective, controller=controller, b=weights[0], c=weights[1], ms_max=ms_max,
         op_low=0.0, op_high=100.0, allow_pd=bool(seed % 2), max_load=5.0 if seed % 3 else None, max_deviation=2.0,
+        rule=rule,
     )  # fmt: skip
-    advice = advise(loop, form, fit, noise, 0.1 * unit, None, rule)
+    advice = advise(loop, fit, noise, 0.1 * unit, None)
     if isinstance(advice, Withheld):
         assert advice.reason
         return
@@ -506,7 +502,7 @@ def test_nothing_that_comes_in_leads_to_harm(
     assert float(new.td) == 0 or structure in {"pd", "pid"}
     if loop.kp is not None:
         assert 0.099 < float(new.kp) / loop.kp < 10.1
-        with_today = [Settings(loop.kp, loop.ti, loop.td, loop.filter_time, form), *advice.stages]
+        with_today = [settings_of(loop), *advice.stages]
         peaks = [float(peak_sensitivity(held(model_of(fit), 0.1 * unit), s)) for s in with_today]
         assert len(advice.stages) == 1 or max(peaks[1:]) <= max(ms_max, peaks[0]) * 1.001
 
@@ -516,9 +512,9 @@ def test_a_suggestion_that_stands_is_looked_at_on_each_new_model(sd):
     """A model inside each of the old intervals can be one that the settings are not safe for: they are given up."""
     loop = Loop(name="A", kp=0.3, ti=600.0)
     old = make_fit(gain=0.02, lag=0.0, dead_time=40.0, sd=sd)
-    advice = advise(loop, "standard", old, 0.05, 1.0, 5.0)
+    advice = advise(loop, old, 0.05, 1.0, 5.0)
     assert isinstance(advice, Advice)
-    same = renewed(advice, loop, "standard", old, 0.05, 1.0)
+    same = renewed(advice, loop, old, 0.05, 1.0)
     assert same is not None
     assert (same.settings, same.ms_worst) == (advice.settings, advice.ms_worst)
     assert same.ci == pytest.approx(advice.ci)
@@ -528,7 +524,7 @@ def test_a_suggestion_that_stands_is_looked_at_on_each_new_model(sd):
         dead_time=40.0 + 1.9 * sd[2],
         sd=tuple(0.5 * s for s in sd),
     )
-    assert renewed(advice, loop, "standard", corner, 0.05, 1.0) is None
-    surer = renewed(advice, loop, "standard", replace(old, scatter=old.scatter / 9.0), 0.05, 1.0)
+    assert renewed(advice, loop, corner, 0.05, 1.0) is None
+    surer = renewed(advice, loop, replace(old, scatter=old.scatter / 9.0), 0.05, 1.0)
     assert surer is not None
     assert surer.ms_worst < advice.ms_worst

@@ -245,7 +245,7 @@ def ci_pair(ci: float | None) -> Any:
 )
 def test_limits_of_the_verdict(ci, ms, verdict):
     """Flagged below ci_min, or above 1.25 ms_max; without an index nothing is called good."""
-    found, reason = judge(Loop(name="L", kp=2.0, ti=40.0), "standard", LEVEL, ci_pair(ci), ms, 0.0)
+    found, reason = judge(Loop(name="L", kp=2.0, ti=40.0), LEVEL, ci_pair(ci), ms, 0.0)
     assert found == verdict
     assert (reason == "") == (verdict == GOOD and ms is not None)
 
@@ -267,7 +267,7 @@ def test_limits_of_the_verdict(ci, ms, verdict):
 def test_the_objective_says_which_index_counts(objective, ci, verdict):
     """A loop that is there for loads is not judged, for good or bad, by a set-point step."""
     loop = Loop(name="L", kp=2.0, ti=40.0, objective=objective)
-    found, reason = judge(loop, "standard", LEVEL, ci, 1.7, 0.0)
+    found, reason = judge(loop, LEVEL, ci, 1.7, 0.0)
     assert found == verdict
     assert (reason == "") == (verdict == GOOD)
     if verdict == RETUNE:
@@ -277,17 +277,17 @@ def test_the_objective_says_which_index_counts(objective, ci, verdict):
 def test_limits_are_the_loops_own():
     """ci_min and ms_max of the table count."""
     loop = Loop(name="L", kp=2.0, ti=40.0, ci_min=0.3, ms_max=1.4)
-    assert judge(loop, "standard", LEVEL, ci_pair(0.31), 1.7, 0.0)[0] == GOOD
-    assert judge(loop, "standard", LEVEL, ci_pair(0.31), 1.8, 0.0)[0] == RETUNE
+    assert judge(loop, LEVEL, ci_pair(0.31), 1.7, 0.0)[0] == GOOD
+    assert judge(loop, LEVEL, ci_pair(0.31), 1.8, 0.0)[0] == RETUNE
 
 
 def test_an_averaging_level_is_not_judged_by_speed():
     """A surge vessel that is slow on purpose is good; a rolling or unstable one is not."""
     loop = Loop(name="L", kp=0.02, ti=4000.0, objective="averaging")
-    assert judge(loop, "standard", LEVEL, ci_pair(0.01), 1.1, 0.0)[0] == GOOD
+    assert judge(loop, LEVEL, ci_pair(0.01), 1.1, 0.0)[0] == GOOD
     rolling = Loop(name="L", kp=0.02, ti=400.0, objective="averaging")
-    assert judge(rolling, "standard", LEVEL, ci_pair(0.9), 1.1, 0.0)[0] == RETUNE
-    assert judge(loop, "standard", LEVEL, ci_pair(0.9), 5.0, 0.0)[0] == RETUNE
+    assert judge(rolling, LEVEL, ci_pair(0.9), 1.1, 0.0)[0] == RETUNE
+    assert judge(loop, LEVEL, ci_pair(0.9), 5.0, 0.0)[0] == RETUNE
 
 
 @pytest.mark.parametrize(
@@ -304,9 +304,9 @@ def test_an_averaging_level_is_not_judged_by_speed():
 )
 def test_the_trap(facts, form, caught):
     """Kc K Ti below 2 on an integrator, in whatever form the settings are."""
-    assert bool(trap(Loop(name="L", **facts), form, LEVEL)) == caught
+    assert bool(trap(Loop(name="L", form=form, **facts), LEVEL)) == caught
 
 
 def test_the_trap_is_an_integrators():
     """On a self-regulating process the product means nothing."""
-    assert trap(Loop(name="L", kp=0.1, ti=1.0), "standard", SelfRegulatingModel(1.0, 1.0, 5.0)) == ""
+    assert trap(Loop(name="L", kp=0.1, ti=1.0), SelfRegulatingModel(1.0, 1.0, 5.0)) == ""

@@ -138,7 +138,7 @@ def test_structure_follows_the_loop():
     assert reference_structure(Loop(name="L", kp=1.0, ti=9.0, allow_pd=True, objective="setpoint")) == "pd"
     assert reference_structure(Loop(name="L", kp=1.0, ti=9.0, allow_pd=True, objective="both")) == "pi"
     assert reference_structure(Loop(name="L", kp=1.0, ti=9.0, controller="pid")) == "pid"
-    assert settings_of(Loop(name="L"), "standard") is None
+    assert settings_of(Loop(name="L")) is None
 
 
 def test_every_structure_has_a_rule_and_its_settings():

@@ -145,23 +145,8 @@ STATE = np.dtype(
 )
 
 EVENT_OUT = [
-    *[
-        (n, _i)
-        for n in (
-            "what",
-            "loop",
-            "kind",
-            "state",
-            "cause",
-            "slot",
-            "points",
-            "before",
-            "onset",
-            "end",
-            "number",
-        )
-    ],
-    *[(n, _f) for n in ("amplitude", "wall", "quiet", "offset", "period", "sp_from", "quantum", "uncertain")],
+    *[(n, _i) for n in "what loop kind state cause slot points before onset end number".split()],
+    *[(n, _f) for n in "amplitude wall quiet offset period sp_from quantum uncertain".split()],
     *_INTEGRALS,
     *_BASELINE,
 ]

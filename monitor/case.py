@@ -65,14 +65,9 @@ class Case:
         self.verdict = self.row.verdict
 
     @property
-    def model(self) -> Fit | None:
-        """All usable events together; None where there is none, or they do not agree in kind and sign."""
-        fits = self._fits()
-        alike = len({(f.process, math.copysign(1, f.gain)) for f in fits}) == 1
-        return combine(fits) if alike else None
-
-    def _fits(self) -> list[Fit]:
-        return [f.fit for f in self.findings if f.usable and f.fit is not None]
+    def usable(self) -> list[Finding]:
+        """Findings whose fit may carry a suggestion."""
+        return [f for f in self.findings if f.usable]
 
 
 def _judge(loop: Loop, case: Case) -> LoopRow:
@@ -83,20 +78,21 @@ def _judge(loop: Loop, case: Case) -> LoopRow:
     row.ci_setpoint, row.ci_load = (
         _median([f.record.ci for f in seen if f.record.kind == kind]) for kind in (SETPOINT, LOAD)
     )
-    usable = [f for f in case.findings if f.usable and f.fit is not None]
+    usable = case.usable
     if not usable:
         last = case.findings[-1].record
         row.verdict, row.reason, row.process = INCONCLUSIVE, last.reason, last.process
         row.action = "none on this evidence; wait for, or make, a clean set-point step"
         return row
-    joint = case.model
+    fits = [f.fit for f in usable if f.fit is not None]
+    joint = _together(fits)
     if joint is None:
         row.process = "undecided"
         return inconclusive(row, "the events contradict each other in kind of process or sign of gain")
     row.process = joint.process
     for name, value in model_fields(joint).items():
         setattr(row, name, value)
-    if contradictory([f.fit for f in usable if f.fit is not None], joint):
+    if contradictory(fits, joint):
         return inconclusive(row, "the events contradict each other: their gains differ beyond chance")
     model, period = model_of(joint), usable[-1].period
     alone = len(usable) == 1 and not case.retuned  # the event's own figure is the loop's
@@ -113,9 +109,15 @@ def _judge(loop: Loop, case: Case) -> LoopRow:
     return _advise(loop, case, row, joint, period)
 
 
+def _together(fits: list[Fit]) -> Fit | None:
+    """All usable events in one model; None where they do not agree in kind of process and sign of gain."""
+    alike = len({(f.process, math.copysign(1, f.gain)) for f in fits}) == 1
+    return combine(fits) if alike else None
+
+
 def _advise(loop: Loop, case: Case, row: LoopRow, joint: Fit, period: float) -> LoopRow:
     """Write a suggestion into the row; the old one is kept while the model stays inside its intervals, and it safe."""
-    noise = float(np.median([f.noise for f in case.findings if f.usable]))
+    noise = float(np.median([f.noise for f in case.usable]))
     kept = case.advice
     if kept is not None and _inside(joint, kept.fit):
         still = renewed(kept.advice, loop, joint, noise, period)

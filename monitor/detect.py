@@ -65,6 +65,30 @@ class Detector:
         self.coarse = _grown(self.coarse, n)
         self.coarse_time = _grown(self.coarse_time, n)
 
+    @property
+    def per_loop(self) -> dict[str, NDArray[Any]]:
+        """What is known of the loops beyond the table: arrays with a row for each."""
+        names = ("state", "health", "ring", "ring_time", "coarse", "coarse_time")
+        return {name: getattr(self, name) for name in names}
+
+    def adopt(self, row: int, known: dict[str, Any], window: NDArray[np.float64]) -> None:
+        """Go on with a loop whose event was open in another detector.
+
+        Parameters
+        ----------
+        known
+            The loop's row of each array of `per_loop`.
+        window
+            (WINDOW, 4) of its event, a row of ``slab``.
+        """
+        self._make_room()
+        self.n_free[0] -= 1
+        slot = self.free[self.n_free[0]]
+        for name, array in self.per_loop.items():
+            array[row] = known[name]
+        self.slab[slot] = window
+        self.state["slot"][row] = slot
+
     def run(self, samples: Samples) -> list[tuple[Any, NDArray[np.float64]]]:
         """Take in samples; return what opened and closed, in the samples' order.
 

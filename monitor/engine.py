@@ -21,7 +21,7 @@ from .records import Assessment, Event, LoopRow, Record, Suggestion, Window, eve
 from .reference import SETPOINT
 from .rows import worst_first
 from .samples import Samples
-from .state import BY_SETTINGS, CLOSED, COUNTS, LOAD_STEP, STATES
+from .state import BY_GAP, BY_SETTINGS, CLOSED, COUNTS, LOAD_STEP, STATES
 from .verdict import conclude
 
 
@@ -75,6 +75,12 @@ class Engine:
         if case is not None:
             case.retune(self.loops[row], int(self.detector.state["time"][row]) + 1)
         return records
+
+    def set_back(self, row: int, first: int) -> list[Record]:
+        """Begin a loop anew at an earlier time, ``first`` [ns]: its clock was set back, and an open event ends."""
+        found = self.detector.flush([row], BY_GAP)
+        self.detector.state["time"][row] = first
+        return self._take(found)
 
     # -- samples in, records out ------------------------------------------------------------------
 
@@ -149,7 +155,7 @@ class Engine:
             case.said = None
         elif case.said is None or _changed(case.said, standing):
             case.said = standing
-            evidence = tuple(f.record.id for f in case.findings if f.usable)
+            evidence = tuple(f.record.id for f in case.usable)
             records.append(Suggestion(row=standing, evidence=evidence))
         return records
 

@@ -30,7 +30,6 @@ from .records import RETUNE, WORST_FIRST, Assessment, Event, LoopRow, Record, Su
 from .rows import worst_first
 from .samples import Samples
 from .snapshot import OpenEvents
-from .state import BY_GAP
 from .wire import (
     FRAME_MIME,
     JSON_MIME,
@@ -249,9 +248,7 @@ class Service:
         log.warning(
             "%s: its clock was set back to %s; it begins anew", plain(self.loops[row].name), iso(first)
         )
-        found = self.engine.detector.flush([row], BY_GAP)
-        self.engine.detector.state["time"][row] = first
-        return self.engine._take(found)  # noqa: SLF001 (the engine has no word for it yet)
+        return self.engine.set_back(row, first)
 
     def _register(self, name: str, key: str) -> int | None:
         """Watch a loop that is in no table."""

@@ -28,7 +28,6 @@ log = logging.getLogger("loopsight")
 
 MOST = 500
 """Loops that are kept, about 50 kB each: in an upset of the whole plant the first ones."""
-_NOT_PER_LOOP = {"param", "slab", "free", "n_free", "out"}
 
 
 class OpenEvents:
@@ -115,20 +114,11 @@ class Snapshot:
 def take(loops: LoopTable, detector: Detector, order: Order, now: int) -> Snapshot:
     """Copy what is known of the loops with an open event."""
     rows = np.flatnonzero(detector.state["slot"] >= 0)[:MOST]
-    arrays = {name: array[rows] for name, array in _per_loop(detector).items()}
+    arrays = {name: array[rows] for name, array in detector.per_loop.items()}
     arrays["window"] = detector.slab[detector.state["slot"][rows]]
     arrays["order"], arrays["held"] = order.state[rows], order.held[rows]
     names, keys = (np.array([getattr(loops[k], n) for k in rows], np.str_) for n in ("name", "key"))
     return Snapshot(names, keys, now, arrays)
-
-
-def _per_loop(detector: Detector) -> dict[str, NDArray[Any]]:
-    """Return the detector's arrays that have a row for each loop."""
-    return {
-        name: array
-        for name, array in vars(detector).items()
-        if isinstance(array, np.ndarray) and name not in _NOT_PER_LOOP and len(array) == len(detector.state)
-    }
 
 
 def write(path: Path, snapshot: Snapshot) -> None:
@@ -177,7 +167,7 @@ def put_back(
         Monotonic time [s]: since then they have sent nothing.
     """
     arrays = snapshot.arrays
-    expected = {**_per_loop(detector), "window": detector.slab, "order": order.state, "held": order.held}
+    expected = {**detector.per_loop, "window": detector.slab, "order": order.state, "held": order.held}
     if not all(
         name in arrays
         and arrays[name].dtype == array.dtype
@@ -188,13 +178,7 @@ def put_back(
         return False
     for k in np.flatnonzero(rows >= 0):
         row = int(rows[k])
-        detector._make_room()  # noqa: SLF001 (the slab's own housekeeping)
-        detector.n_free[0] -= 1
-        slot = int(detector.free[detector.n_free[0]])
-        for name, array in _per_loop(detector).items():
-            array[row] = arrays[name][k]
-        detector.slab[slot] = arrays["window"][k]
-        detector.state["slot"][row] = slot
+        detector.adopt(row, {name: arrays[name][k] for name in detector.per_loop}, arrays["window"][k])
         _order_back(order, row, arrays["order"][k], arrays["held"][k], arrival)
     return True
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from . import harris, oscillation, sensor, travel, wiring
+from . import harris, oscillation, resting, sensor, travel, wiring
 from .oscillation import BLOCK, HORIZON, restart, strongest, taint, take, too_fast
 from .state import EVENT, QUIET, SETPOINT_STEP, jit
 from .stiction import stiction_of
@@ -49,6 +49,7 @@ _SUMS = "abs_e sum_e mean_n mean_1 mean_2".split()
 HEALTH = np.dtype(
     [
         *[(name, _f) for name in (*_TIMES, *_SUMS)],
+        *resting.FIELDS,
         *travel.FIELDS,
         *sensor.FIELDS,
         *wiring.FIELDS,
@@ -80,7 +81,8 @@ def observe(h, s, p, time, dt, gap, sp, pv, op, auto):  # noqa: ARG001 (the kern
     h.auto_time += dt
     h.abs_e += abs(last) * dt
     h.sum_e += last * dt
-    travel.move(h, s, p, dt, op, e != last)
+    resting.rest(h, s, p, dt, op, e != last)
+    travel.move(h, s, dt, op)
     wiring.trace(h, s, e, sp, pv, op)
     if sp != s.sp and h.w_sp < CASCADE * h.w_n + 1.0:
         taint(h)
@@ -119,6 +121,7 @@ def _interrupt(h):
     """Begin anew what must not reach across a gap or a change of mode."""
     restart(h)
     h.pv_q0 = h.pv_q1 = h.pv_q2 = 0.0
+    resting.get_up(h)
     travel.pause(h)
     wiring.unhook(h)
 
@@ -130,6 +133,7 @@ def _fade(h):
     h.wall_time, h.good_time, h.manual_time = 0.5 * h.wall_time, 0.5 * h.good_time, 0.5 * h.manual_time
     h.auto_time, h.abs_e, h.sum_e = 0.5 * h.auto_time, 0.5 * h.abs_e, 0.5 * h.sum_e
     h.mean_n, h.mean_1, h.mean_2 = 0.5 * h.mean_n, 0.5 * h.mean_1, 0.5 * h.mean_2
+    resting.fade(h)
     travel.fade(h)
     sensor.fade(h)
     wiring.fade(h)
@@ -157,7 +161,7 @@ class Health:
     quantum: float | None = None
     """Step of which PV's changes are multiples [PV]; None for a PV that has none, or none near its noise."""
     travel_per_hour: float | None = None
-    """Way of OP beyond the band of its own noise [OP/h]."""
+    """Way of OP in swings of more than three standard deviations of its own noise [OP/h]."""
     reversals_per_hour: float | None = None
     """Turns of that way [1/h]."""
     oscillation_period: float | None = None
@@ -220,20 +224,20 @@ def figures(h: Any, s: Any, process: str | None = None, dead_time: float | None 
         "idle": bool(h["idle_time"] > IDLE * good),
     }
     if auto > 0:
-        out |= _of_control(h, auto)
+        out |= _of_control(h, auto, float(s["period"]))
         out |= _of_cycles(h, float(s["period"]), out)
         out["harris"] = _harris(h, float(s["period"]), dead_time, out)
     known: dict[str, Any] = {k: v for k, v in out.items() if not isinstance(v, float) or math.isfinite(v)}
     return Health(**known)
 
 
-def _of_control(h: Any, auto: float) -> dict[str, Any]:
-    """Return what concerns the time in automatic [s]."""
-    way, turns = travel.travel_of(h)
+def _of_control(h: Any, auto: float, period: float) -> dict[str, Any]:
+    """Return what concerns the time in automatic ``auto`` [s]; ``period``: of the samples [s]."""
+    way, turns = travel.travel_of(h, period)
     held = min(float(h["held_time"]) / auto, 1.0)
     tracking = wiring.tracking_of(h)
     return {
-        "saturation": travel.saturation_of(h, auto),
+        "saturation": resting.saturation_of(h, auto),
         "offset": float(h["sum_e"]) / auto,
         "op_noise": float(h["op_noise"]) if h["op_known"] > 0 else None,
         "mean_abs_e": float(h["abs_e"]) / auto,

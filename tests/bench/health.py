@@ -128,7 +128,7 @@ def deviations(loops: int, seed: int) -> dict[tuple[str, int], list[float | None
         seen = {every: health_of(block, spec, every) for every in SAMPLINGS}
         for name in INVARIANT:
             reference = getattr(seen[1], name)
-            if reference is None or abs(reference) <= _least(name, seen[1], spec):
+            if reference is None or abs(reference) <= _least(name, seen[1]):
                 continue
             for every in SAMPLINGS[1:]:
                 value = getattr(seen[every], name)
@@ -137,12 +137,10 @@ def deviations(loops: int, seed: int) -> dict[tuple[str, int], list[float | None
     return found
 
 
-def _least(name: str, health: Health, spec: LoopSpec) -> float:
+def _least(name: str, health: Health) -> float:
     """Return below what a figure is as good as zero: a relative deviation of it says nothing."""
     if name == "offset":
         return 0.5 * (health.mean_abs_e or 0.0)
-    if name == "travel_per_hour":  # five times an hour there and back through the noise: most of it is chance
-        return 5.0 * 12.0 * abs(spec.controller.kp) * spec.noise
     return {"saturation": 0.01, "manual": 0.01}.get(name, 0.0)
 
 

@@ -25,7 +25,7 @@ from .candidates import (
     op_noise,
     reference_candidates,
     search,
-    serves,
+    unfit,
 )
 from .identify import Fit
 from .loops import Loop
@@ -94,7 +94,7 @@ class Withheld:
 def advise(loop: Loop, fit: Fit, noise: float, period: float, ms: float | None) -> Advice | Withheld:
     """Find the best settings of a rule that are safe, gentle and in reach.
 
-    The rule is the one that the loop's table names, where it serves the loop's structure and kind of process, else the
+    The rule is the one that the loop table names, where it is for the loop's structure and kind of process, else the
     reference rule. One with a closed-loop time is slowed down like the reference; one without is taken as it is, or
     not at all.
 
@@ -122,7 +122,7 @@ def advise(loop: Loop, fit: Fit, noise: float, period: float, ms: float | None) 
     structure = reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), period)
     times = tc * np.geomspace(1.0, SLOWEST, TIMES)
-    name = loop.rule if loop.rule and serves(loop.rule, structure, loop, fit.process) else RULE[structure]
+    name = loop.rule if loop.rule and not unfit(loop, fit.process) else RULE[structure]
     try:
         if name == RULE[structure]:
             candidates = reference_candidates(loop, model, structure, times)

@@ -15,7 +15,7 @@ from tuners.settings import FILTER_RATIO, Settings
 
 from .identify import Array
 from .loops import Loop
-from .reference import SETPOINT, reference_settings
+from .reference import SETPOINT, reference_settings, reference_structure
 from .region import fastest_safe
 from .stages import rounded
 
@@ -146,13 +146,30 @@ def named_candidates(name: str, model: Model, times: Array) -> tuple[Array, Sett
     return times, Settings(kp, ti, td, tf, made.form)
 
 
-def serves(name: str, structure: str, loop: Loop, process: str) -> bool:
-    """Whether a rule of `RULES` is for this structure (an I-PD for a PID with weights 0) and kind of process."""
-    rule = RULES[name]
-    kind = rule.structure.lower()
-    if kind == "i-pd" and loop.b == 0.0 and loop.c == 0.0:
-        kind = "pid"
-    return kind == structure and process in rule.processes and not rule.required
+def unfit(loop: Loop, process: str) -> str:
+    """Say why the rule that the loop table names is not for this loop; empty where it is, or where none is named.
+
+    Parameters
+    ----------
+    process
+        Kind of process; ``auto`` where it is not known.
+    """
+    if not loop.rule or (loop.rule == "averaging" == loop.objective):
+        return ""
+    rule, structure = RULES[loop.rule], reference_structure(loop)
+    if loop.objective == "averaging":
+        return "the objective averaging has a rule of its own"
+    if rule.required:
+        return f"it is for loops whose objective is {loop.rule}"
+    # an I-PD is a PID with weights 0
+    kind = "pid" if rule.structure == "I-PD" and loop.b == loop.c == 0.0 else rule.structure.lower()
+    if kind != structure:
+        known = loop.controller or loop.kp is not None
+        this = "this loop is" if known else "a loop without settings is taken for"
+        return f"it is for {rule.structure}, {this} a {structure.upper()}"
+    if process != "auto" and process not in rule.processes:
+        return f"it is for {' or '.join(rule.processes)} processes, this one is {process}"
+    return ""
 
 
 def in_form(loop: Loop, rule: Settings) -> Settings:

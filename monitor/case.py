@@ -10,6 +10,7 @@ import numpy as np
 
 from .advise import Advice, Withheld, advise, renewed
 from .assess import Finding, model_fields
+from .candidates import unfit
 from .identify import Fit, combine, contradictory
 from .judge import current_sensitivity, judge
 from .loops import Loop
@@ -106,7 +107,10 @@ def _judge(loop: Loop, case: Case) -> LoopRow:
         row.action = "none" if row.verdict == GOOD else "wait for, or make, a clean set-point step"
         case.advice = None
         return row
-    return _advise(loop, case, row, joint, period)
+    row = _advise(loop, case, row, joint, period)
+    if row.verdict == RETUNE and (why := unfit(loop, joint.process)):
+        row.action += f"; the rule {loop.rule} is not used: {why}"
+    return row
 
 
 def _together(fits: list[Fit]) -> Fit | None:

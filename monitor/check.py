@@ -18,6 +18,7 @@ import click
 if TYPE_CHECKING:
     from .adapters.historian import Source
     from .adapters.rows import Tally
+    from .loops import LoopTable
     from .samples import Samples
 
 MOST = 50
@@ -84,7 +85,18 @@ def _table(path: Path) -> Finding:
     except LoopTableError as error:
         return Finding("loop table", error.problems)
     known = sum(loop.kp is not None for loop in table)
-    return Finding(f"loop table: {_n(len(table), 'loop')}, {known} with settings")
+    return Finding(f"loop table: {_n(len(table), 'loop')}, {known} with settings", _unused(path, table))
+
+
+def _unused(path: Path, table: LoopTable) -> list[str]:
+    """Name the tuning rules that suggestions will not use, as far as the table tells."""
+    ruled = [loop for loop in table if loop.rule]
+    if not ruled:
+        return []
+    from .candidates import unfit  # noqa: PLC0415 (compiles: only where a rule is named)
+
+    wrong = [(loop, why) for loop in ruled if (why := unfit(loop, loop.process))]
+    return [f"{path}: loop {loop.name}: rule: {loop.rule!r} is not used: {why}" for loop, why in wrong]
 
 
 def _data(path: Path, tz: str | None, time_unit: str | None) -> Finding:

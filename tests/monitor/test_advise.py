@@ -16,6 +16,7 @@ from test_identify import make_fit
 from twin import noise_through
 
 from monitor.advise import FURTHEST, STAGE, Advice, Withheld, advise, op_noise, renewed
+from monitor.candidates import unfit
 from monitor.identify import SELF_REGULATING, Fit
 from monitor.loops import CONTROLLERS, OBJECTIVES, Loop
 from monitor.reference import held, model_of, reference_structure, settings_of
@@ -377,6 +378,30 @@ def test_a_rule_by_name(rule, facts, used):
         exact = made.function(model_of(make_fit())).to("standard")
         assert float(advice.settings.kp) == pytest.approx(float(exact.kp), rel=0.006)
         assert math.isnan(advice.closed_loop_time)
+
+
+@pytest.mark.parametrize(
+    ("rule", "facts", "process", "why"),
+    [
+        ("", {}, "integrating", ""),
+        ("imc-pi", {}, "integrating", ""),
+        ("imc-pi", {}, "auto", ""),
+        ("imc-pi", {}, SELF_REGULATING, "for integrating processes, this one is self-regulating"),
+        ("imc-pi", {"td": 2.0}, "auto", "for PI, this loop is a PID"),
+        ("imc-pi", {"controller": "p"}, "auto", "for PI, this loop is a P"),
+        ("amigo", {"kp": None}, "auto", "for PID, a loop without settings is taken for a PI"),
+        ("chakraborty", {"td": 2.0}, "auto", "for I-PD, this loop is a PID"),
+        ("chakraborty", {"td": 2.0, "b": 0.0, "c": 0.0}, "integrating", ""),
+        ("averaging", {}, "auto", "for loops whose objective is averaging"),
+        ("averaging", {"objective": "averaging"}, "auto", ""),
+        ("imc-pi", {"objective": "averaging"}, "auto", "averaging has a rule of its own"),
+    ],
+)
+def test_why_a_rule_by_name_is_not_used(rule, facts, process, why):
+    """By structure, kind of process and objective, in plain words; nothing is said where it is used."""
+    said = unfit(sluggish(rule=rule, **facts), process)
+    assert why in said
+    assert bool(why) == bool(said)
 
 
 def test_a_rule_by_name_is_not_exempt():

@@ -140,6 +140,20 @@ def test_loop_tables_and_configurations_that_are_fine(tmp_path: Path) -> None:
     ]
 
 
+def test_a_rule_that_will_not_be_used_is_named(tmp_path: Path) -> None:
+    """What the table alone tells: a structure, or a given kind of process, that the rule is not for."""
+    rows = ["A,1,20,imc-pi,", "B,1,20,amigo,", "C,1,20,imc-pi,self-regulating", "D,1,20,,integrating"]
+    path = tmp_path / "loops.csv"
+    path.write_text("\n".join(["name,kp,ti,rule,process", *rows]))
+    result = check(path)
+    assert result.exit_code == 2
+    assert result.stderr.splitlines() == [
+        f"{path}: loop B: rule: 'amigo' is not used: it is for PID, this loop is a PI",
+        f"{path}: loop C: rule: 'imc-pi' is not used: it is for integrating processes, this one is self-regulating",
+    ]
+    assert "loop table: 4 loops, 4 with settings; 2 problems" in result.stdout
+
+
 @pytest.mark.skipif(not DATA.is_dir(), reason="the shared data sets are not beside this repository")
 def test_shared_data_have_no_problem() -> None:
     files = [p for p in DATA.glob("*/*") if p.suffix in {".csv", ".parquet"}]

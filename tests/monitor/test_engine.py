@@ -374,7 +374,7 @@ def test_op_noise_is_that_of_the_loop():
 
 
 def test_a_rule_named_in_the_loop_table_is_used():
-    """The suggestion says which rule it is; one that does not serve a PI leaves the reference rule."""
+    """The suggestion says which rule it is; one that is not for a PI leaves the reference rule, and that is said."""
     samples = stepped(4000, kp=0.4, ti=300.0, noise=0.01)
     rows = [
         run(Loop(name="L", kp=0.4, ti=300.0, rule=rule), samples)[0].row(0)
@@ -382,6 +382,8 @@ def test_a_rule_named_in_the_loop_table_is_used():
     ]
     assert [row.rule for row in rows] == ["simc-pi", "tyreus-luyben", "simc-pi"]
     assert rows[1].new_kp != rows[0].new_kp
+    assert ["not used" in row.action for row in rows] == [False, False, True]
+    assert rows[2].action.endswith("; the rule luyben-pid is not used: it is for PID, this loop is a PI")
     assert all(row.new_ms_worst is not None and row.new_ms_worst <= 2.2 for row in rows)
 
 

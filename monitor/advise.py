@@ -7,7 +7,7 @@ model that the evidence allows, gentle enough on the valve, and within reach of 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from .candidates import (
     unfit,
 )
 from .identify import Fit
+from .judge import MARGIN
 from .loops import Loop
 from .reference import (
     LOAD,
@@ -51,11 +52,19 @@ LEAST_SHARE = 0.5
 """Least share of an uncertain reference's error that is still asked for."""
 NEAR = 0.02
 """Gain, as a share of the reference's error, for which a suggestion goes one step away from the rule itself."""
+KINDS = (SETPOINT, LOAD)
 WANTED = {SETPOINT: (SETPOINT,), LOAD: (LOAD,)}
 """Kinds of step that count for an objective; both where it is not named here."""
 
-Figures = tuple[float, float, float]
-"""Overshoot [share], IAE of a unit set-point [s] and load step [PV s/OP]."""
+
+@dataclass(frozen=True, slots=True)
+class Predicted:
+    """What settings make of unit steps on the model."""
+
+    overshoot: float | None
+    """Share of a set-point step; None for an unstable loop."""
+    iae: dict[str, float]
+    """By kind of step [s], [PV s/OP]; inf for an unstable loop, or an error that stays."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,10 +83,10 @@ class Advice:
     """Predicted; by the loop's own reference, the least of those that count for its objective."""
     op_noise: float
     """Standard deviation that PV's noise will put on OP [OP]."""
-    before: Figures | None
-    """Predicted for today's settings."""
-    after: Figures
-    """The same for the new ones."""
+    before: Predicted | None
+    """By today's settings."""
+    after: Predicted
+    """By the new ones."""
     stages: list[Settings]
     """Settings to go through; the last one is the suggestion."""
 
@@ -142,23 +151,15 @@ def renewed(advice: Advice, loop: Loop, fit: Fit, noise: float, period: float) -
     Parameters are those of `advise`.
     """
     limits = Limits(loop, uncertain_models(fit, period), noise, period)
-    new, today, model = advice.settings, settings_of(loop), model_of(fit)
-    ms_new, ms_worst = limits.worst(new)
-    if ms_worst > loop.ms_max or any(np.any(where) for _, where in limits.broken(new)):
+    new, model = advice.settings, model_of(fit)
+    peaks = limits.worst(new)
+    if peaks[1] > loop.ms_max or any(np.any(where) for _, where in limits.broken(new)):
         return None
-    figures = _predicted(model, [new, *([] if today is None else [today])])
+    (after,), before = _predicted(model, [new], settings_of(loop))
     structure = reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), period)
-    return replace(
-        advice,
-        ms=ms_new,
-        ms_worst=ms_worst,
-        ci=None if advice.ci is None else _index(_references(loop, fit, structure, tc), figures[0]),
-        op_noise=float(op_noise(new, noise, period)),
-        before=None if today is None else figures[-1],
-        after=figures[0],
-        stages=[new] if today is None else stages(limits.region, today, new, loop.ms_max),
-    )
+    ci = None if advice.ci is None else _index(_references(loop, fit, structure, tc), after)
+    return _advice(limits, advice.rule, new, advice.closed_loop_time, peaks, ci, before, after)
 
 
 def _best(
@@ -170,41 +171,39 @@ def _best(
     references = _references(loop, fit, structure, tc)
     while found.at:
         candidates = found.typed()
-        figures = _predicted(model, [*candidates.values(), *([] if today is None else [today])])
-        before = None if today is None else figures[-1]
-        worths = [_error(references, f) for f in figures]
-        k = min(range(len(candidates)), key=lambda n: worths[n] + NEAR * n)
+        each, before = _predicted(model, list(candidates.values()), today)
+        errors = [_error(references, after) for after in each]
+        k = min(range(len(candidates)), key=lambda n: errors[n] + NEAR * n)
         row, new = list(candidates.items())[k]
-        ms_new, ms_worst = limits.worst(new)
-        broken = [why for why, where in limits.broken(new) if np.any(where)]
-        if ms_worst > loop.ms_max or broken:
+        peaks = limits.worst(new)
+        if peaks[1] > loop.ms_max or any(np.any(where) for _, where in limits.broken(new)):
             found.slower(row)
             continue
-        quiet = ms is not None and ms <= 1.25 * loop.ms_max
-        if before is not None and quiet and not _worthwhile(loop, before, figures[k], worths[-1], worths[k]):
+        quiet = ms is not None and ms <= MARGIN * loop.ms_max
+        if before is not None and quiet and not _worthwhile(loop, references, before, each[k]):
             return Withheld(
                 "as tight as the evidence allows: no safe settings are 15 % better", fine_as_it_is=True
             )
-        return Advice(
-            rule,
-            new,
-            float(found.times[found.at[row]]),
-            ms_new,
-            ms_worst,
-            _index(references, figures[k]),
-            float(op_noise(new, limits.noise, limits.period)),
-            before,
-            figures[k],
-            [new] if today is None else stages(limits.region, today, new, loop.ms_max),
-        )
+        tc_found = float(found.times[found.at[row]])
+        return _advice(limits, rule, new, tc_found, peaks, _index(references, each[k]), before, each[k])
     return Withheld(found.failing)
 
 
-def _worthwhile(loop: Loop, before: Figures, after: Figures, worth_before: float, worth_after: float) -> bool:
+def _advice(
+    limits: Limits, rule: str, new: Settings, tc: float, peaks: tuple[float, float], ci: float | None,
+    before: Predicted | None, after: Predicted,
+) -> Advice:  # fmt: skip
+    """Put a suggestion together; ``peaks`` are Ms on the model found and on the worst one."""
+    today = settings_of(limits.loop)
+    noise = float(op_noise(new, limits.noise, limits.period))
+    way = [new] if today is None else stages(limits.region, today, new, limits.loop.ms_max)
+    return Advice(rule, new, tc, *peaks, ci, noise, before, after, way)
+
+
+def _worthwhile(loop: Loop, references: dict[str, _Reference], before: Predicted, after: Predicted) -> bool:
     """Whether the error that counts shrinks by 15 %, for one kind of step at least, and not at the other's cost."""
-    wanted = WANTED.get(loop.objective, (SETPOINT, LOAD))
-    shrinks = [after[k] < GAIN_WORTH * before[k] for k, kind in ((1, SETPOINT), (2, LOAD)) if kind in wanted]
-    return any(shrinks) and not worth_after > worth_before
+    shrinks = [after.iae[k] < GAIN_WORTH * before.iae[k] for k in WANTED.get(loop.objective, KINDS)]
+    return any(shrinks) and not _error(references, after) > _error(references, before)
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,8 +216,8 @@ class _Reference:
     """Share of it below which less is worth nothing."""
 
 
-def _references(loop: Loop, fit: Fit, structure: str, tc: float) -> dict[int, _Reference]:
-    """Return the references of the kinds of step that count, by their place in `Figures`; empty where none is known.
+def _references(loop: Loop, fit: Fit, structure: str, tc: float) -> dict[str, _Reference]:
+    """Return the references of the kinds of step that count, empty where none is known.
 
     To be better than the reference is worth nothing, but for one sigma of the reference: its errors go with
     tc + theta, or for a load with gain (tc + theta)^2, of the model found. (Without that margin a dead time that was
@@ -232,35 +231,40 @@ def _references(loop: Loop, fit: Fit, structure: str, tc: float) -> dict[int, _R
     time = moved * math.sqrt(max(float(weights @ fit.cov @ weights), 0.0)) / (tc + theta)
     load = math.hypot(2.0 * time, math.sqrt(fit.cov[0, 0]))
     references = {}
-    for place, kind, sigma in ((1, SETPOINT, time), (2, LOAD, load)):
-        if kind not in WANTED.get(loop.objective, (SETPOINT, LOAD)):
-            continue
+    for kind in WANTED.get(loop.objective, KINDS):
+        sigma = time if kind == SETPOINT else load
         try:
             best = reference_iae(kind, 1.0, model, structure, tc, loop.b, loop.c)
         except ValueError:
             continue
         if math.isfinite(best):
-            references[place] = _Reference(best, max(math.exp(-sigma), LEAST_SHARE))
+            references[kind] = _Reference(best, max(math.exp(-sigma), LEAST_SHARE))
     return references
 
 
-def _error(references: dict[int, _Reference], figures: Figures) -> float:
+def _error(references: dict[str, _Reference], predicted: Predicted) -> float:
     """Sum of the predicted errors over the reference's, as far as they matter."""
-    return sum(max(figures[place] / best.iae, best.enough) for place, best in references.items())
+    return sum(max(predicted.iae[kind] / best.iae, best.enough) for kind, best in references.items())
 
 
-def _index(references: dict[int, _Reference], figures: Figures) -> float | None:
+def _index(references: dict[str, _Reference], predicted: Predicted) -> float | None:
     """Least predicted index."""
-    indices = [best.iae / figures[place] for place, best in references.items() if figures[place] > 0]
-    return min(indices) if indices else None
+    indices = [best.iae / predicted.iae[kind] for kind, best in references.items() if predicted.iae[kind] > 0]
+    return min(indices, default=None)
 
 
-def _predicted(model: Model, settings: list[Settings]) -> list[Figures]:
-    """Predict overshoot and errors on the model."""
-    every = stacked(settings)
+def _predicted(
+    model: Model, new: list[Settings], today: Settings | None
+) -> tuple[list[Predicted], Predicted | None]:
+    """Predict what each of the new settings, and today's where they are known, do on the model."""
+    every = stacked([*new, *([] if today is None else [today])])
     found = step_figures(model, every, np.isfinite(worst_peaks(model, every)))
-    columns = zip(found.overshoot, found.iae_setpoint, found.iae_load, strict=True)
-    return [(float(over), float(iae_setpoint), float(iae_load)) for over, iae_setpoint, iae_load in columns]
+    rows = np.column_stack([found.overshoot, found.iae_setpoint, found.iae_load]).tolist()
+    predicted = [
+        Predicted(None if math.isnan(over) else over, dict(zip(KINDS, iae, strict=True)))
+        for over, *iae in rows
+    ]
+    return predicted[: len(new)], None if today is None else predicted[-1]
 
 
 def _averaging(limits: Limits, fit: Fit) -> Advice | Withheld:
@@ -282,20 +286,9 @@ def _averaging(limits: Limits, fit: Fit) -> Advice | Withheld:
     integral = reference_structure(loop) in {"pi", "pid"}
     ti = rounded(4.0 / (kp * fit.gain)) if integral else math.inf
     new = Settings(kp, ti, 0.0, 0.0, loop.canonical_form, loop.b, loop.c)
-    ms_new, ms_worst = limits.worst(new)
+    peaks = limits.worst(new)
     broken = [why for why, where in limits.broken(new) if np.any(where)]
-    if ms_worst > loop.ms_max or broken:
-        return Withheld("; ".join([limits.too_sensitive()] * (ms_worst > loop.ms_max) + broken))
-    figures = _predicted(model, [new, *([] if today is None else [today])])
-    return Advice(
-        "averaging",
-        new,
-        1.0 / (kp * fit.gain),
-        ms_new,
-        ms_worst,
-        None,
-        float(op_noise(new, limits.noise, limits.period)),
-        None if today is None else figures[-1],
-        figures[0],
-        [new] if today is None else stages(limits.region, today, new, loop.ms_max),
-    )
+    if peaks[1] > loop.ms_max or broken:
+        return Withheld("; ".join([limits.too_sensitive()] * (peaks[1] > loop.ms_max) + broken))
+    (after,), before = _predicted(model, [new], today)
+    return _advice(limits, "averaging", new, 1.0 / (kp * fit.gain), peaks, None, before, after)

@@ -70,7 +70,7 @@ class Assessment(msgspec.Struct, frozen=True, kw_only=True):
     verdict: str
     reason: str
     ms: float | None = None
-    """Peak sensitivity of the settings then in force on this event's model; None where unknown or unstable."""
+    """Peak sensitivity of the settings then in force on this event's model; inf (null in JSON) where unstable."""
     gain_integrals: float | None = None
     """Gain by the running integrals alone, the fit's independent check."""
     t0_integrals: float | None = None

@@ -49,9 +49,10 @@ def with_settings(row: LoopRow, loop: Loop, advice: Advice) -> LoopRow:
     if new.form == "parallel":
         row.new_ki, row.new_kd = float(new.ki), float(new.kd)
     row.new_ms, row.new_ms_worst, row.new_ci = advice.ms, advice.ms_worst, advice.ci
-    row.new_overshoot, row.new_iae_setpoint, row.new_iae_load = advice.after
-    if advice.before is not None:
-        row.overshoot, row.iae_setpoint, row.iae_load = advice.before
+    after, before = advice.after, advice.before
+    row.new_overshoot, row.new_iae_setpoint, row.new_iae_load = after.overshoot, *after.iae.values()
+    if before is not None:
+        row.overshoot, row.iae_setpoint, row.iae_load = before.overshoot, *before.iae.values()
     row.new_op_noise_abs = advice.op_noise
     if loop.op_span is not None:
         row.new_op_noise = 100.0 * advice.op_noise / loop.op_span

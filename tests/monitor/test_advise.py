@@ -19,7 +19,7 @@ from monitor.advise import FURTHEST, STAGE, Advice, Withheld, advise, op_noise, 
 from monitor.candidates import unfit
 from monitor.identify import SELF_REGULATING, Fit
 from monitor.loops import CONTROLLERS, OBJECTIVES, Loop
-from monitor.reference import held, model_of, reference_structure, settings_of
+from monitor.reference import LOAD, SETPOINT, held, model_of, reference_structure, settings_of
 from monitor.region import uncertain_models
 from tuners.models import IntegratingModel
 from tuners.robustness import peak_sensitivity
@@ -256,7 +256,8 @@ def test_noise_takes_from_the_derivative_first():
     assert loud.op_noise <= 1.0
     assert 0 < float(loud.settings.td) < 0.6 * float(quiet.settings.td)
     assert float(loud.settings.td) == pytest.approx(10 * float(loud.settings.tf))
-    assert loud.after[2] < 0.8 * given_advice(loop, fit, noise=0.0).before[2]  # type: ignore[index]
+    assert loud.before is not None
+    assert loud.after.iae[LOAD] < 0.8 * loud.before.iae[LOAD]
     assert loud.ms_worst <= 2.2
 
 
@@ -287,6 +288,10 @@ def test_an_unstable_loop_today_gets_a_way_out():
     """Ms infinite today: a suggestion all the same, and its last stage is safe."""
     advice = given_advice(sluggish(kp=9.0, ti=10.0))
     assert advice.ms_worst <= 2.2
+    assert advice.before is not None
+    assert advice.before.overshoot is None
+    assert advice.before.iae == {SETPOINT: math.inf, LOAD: math.inf}
+    assert advice.after.overshoot is not None
     assert float(advice.settings.kp) < 9.0
 
 
@@ -320,11 +325,15 @@ def test_a_slow_suggestion_keeps_its_integral_action_for_the_load():
     )
     assert product(setpoint) == pytest.approx(4.0, rel=0.02)
     assert 2.35 < product(load) < 3.9
-    assert load.after[2] < 0.9 * setpoint.after[2]
-    assert setpoint.after[1] <= load.after[1]
-    errors = [sum(advice.after[k] / setpoint.after[k] for k in (1, 2)) for advice in (both, setpoint)]
+    assert load.after.iae[LOAD] < 0.9 * setpoint.after.iae[LOAD]
+    assert setpoint.after.iae[SETPOINT] <= load.after.iae[SETPOINT]
+    errors = [
+        sum(advice.after.iae[k] / error for k, error in setpoint.after.iae.items())
+        for advice in (both, setpoint)
+    ]
     assert errors[0] <= errors[1] + 1e-9
-    assert both.after[0] < 0.5
+    assert both.after.overshoot is not None
+    assert both.after.overshoot < 0.5
 
 
 def test_a_sharp_model_gets_the_rule_itself():

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from twin import START, Seen, pi_loop, run, samples_of, table_of, times, watch
 
 from monitor.case import KEPT
 from monitor.engine import Engine, worst_first
-from monitor.loops import Loop, LoopTable
+from monitor.loops import OBJECTIVES, Loop, LoopTable
 from monitor.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow, Record, Suggestion, Window
 from monitor.samples import Samples
 from sim_plants.fleet import random_fleet
@@ -385,6 +385,25 @@ def test_a_rule_named_in_the_loop_table_is_used():
     assert ["not used" in row.action for row in rows] == [False, False, True]
     assert rows[2].action.endswith("; the rule luyben-pid is not used: it is for PID, this loop is a PI")
     assert all(row.new_ms_worst is not None and row.new_ms_worst <= 2.2 for row in rows)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    wrong=st.sampled_from([1.0, 3.0, 30.0]),
+    ti=st.sampled_from([3.0, 300.0, math.inf]),
+    td=st.sampled_from([0.0, 50.0]),
+    objective=st.sampled_from(OBJECTIVES),
+    noise=st.sampled_from([0.0, 0.05]),
+)
+@example(wrong=30.0, ti=3.0, td=0.0, objective="both", noise=0.05)  # unstable, were the table right
+def test_no_figure_is_nan(wrong, ti, td, objective, noise):
+    """Whatever the table says of the settings: a figure that cannot be told is None in every record and row."""
+    loop = Loop(name="L", kp=0.4 * wrong, ti=ti, td=td, objective=objective)
+    engine, seen = run(loop, stepped(1500, kp=0.4, ti=300.0, noise=noise))
+    assert seen.assessments
+    for said in (*seen.assessments, *(s.row for s in seen.suggestions), engine.row(0)):
+        figures = {n: getattr(said, n) for n in said.__struct_fields__}
+        assert not [n for n, value in figures.items() if isinstance(value, float) and math.isnan(value)]
 
 
 def test_a_loop_of_which_nothing_is_known():

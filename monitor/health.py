@@ -199,15 +199,13 @@ class Health:
     """Whether the response is over before it is seen."""
 
 
-def figures(h: Any, s: Any, process: str | None = None, dead_time: float | None = None) -> Health:  # noqa: ARG001
+def figures(h: Any, s: Any, dead_time: float | None = None) -> Health:
     """Read a loop's health.
 
     Parameters
     ----------
     h, s
         Its running sums (dtype `HEALTH`) and its state (dtype `STATE`).
-    process
-        What the process was judged to be, if known; the figures of today do not depend on it.
     dead_time
         If known [s]: for the Harris index.
     """

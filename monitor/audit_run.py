@@ -26,10 +26,15 @@ from .fleet import Part, Progress, plan, run_all
 from .loops import LoopTable, LoopTableError, parse_row, read_loop_table
 from .records import WORST_FIRST
 from .rows import worst_first
+from .silence import tell
+from .wire import iso
 
 SCHEMA = 1
 MOST_LISTED = 20
 """Different texts in place of values that ``audit.json`` lists, the most frequent."""
+STALE_PERIODS, STALE_SECONDS, STALE_SHARE = 3.0, 3600.0, 0.01
+"""Sample periods, seconds, and share of the time from first to last, by which a loop's good samples must all end
+before the newest of the export to call it stale."""
 MOST_LINES = 5
 """Lines per file that are named on the terminal; all kept ones are in ``audit.json``."""
 
@@ -159,9 +164,11 @@ class Audit:
             self._tidy()
             return AuditResult(2, [*self.problems, *self._nothing(tally, samples)])
         events = sorted((e for p in self.parts for e in p.events), key=lambda e: (e.loop, e.start, e.id))
+        seconds = all(s.clock.numeric for s in self.sources)
+        self._tell_silence(seconds)
         rows = sorted((r for p in self.parts for r in p.rows), key=worst_first)
         self.out.mkdir(parents=True, exist_ok=True)
-        files = write_tables(self.out, events, rows, seconds=all(s.clock.numeric for s in self.sources))
+        files = write_tables(self.out, events, rows, seconds=seconds)
         verdicts = Counter(r.verdict for r in rows)
         counts = {
             "rows": tally.rows,
@@ -182,6 +189,26 @@ class Audit:
         )
         self._tidy()
         return AuditResult(0, self.problems, rows, events, [*files, self.out / "audit.json"], counts)
+
+    def _tell_silence(self, seconds: bool) -> None:
+        """Mark the loops whose good samples end well before the newest of all.
+
+        A historian that writes what changes is silent for a while: an hour, or a hundredth of the whole time, is none.
+        """
+        first, newest = self._reach()
+        least = max(STALE_SECONDS, STALE_SHARE * (newest - first) * 1e-9)
+        for part in self.parts:
+            for row in part.rows:
+                last = part.last[row.loop]
+                stale = (newest - last.time) * 1e-9 > max(least, STALE_PERIODS * last.period)
+                when = f"{last.time * 1e-9:.10g} s" if seconds else iso(last.time)
+                tell(row, last, when if stale else None)
+
+    def _reach(self) -> tuple[int, int]:
+        """Return the times of the first and the newest sample of all loops [ns since 1970]."""
+        firsts = [p.first for p in self.parts if p.first is not None]
+        newest = [p.newest for p in self.parts if p.newest is not None]
+        return min(firsts, default=0), max(newest, default=0)
 
     def _tidy(self) -> None:
         """Remove the parts: the audit is done."""
@@ -240,6 +267,8 @@ class Audit:
             "times_without_zone": sorted(s.name for s in self.sources if s.clock.naive),
             "inputs": self._inputs(tally),
             "counts": counts,
+            "first_sample": _iso(self._reach()[0]),
+            "newest_sample": _iso(self._reach()[1]),
             "text_in_values": {"count": tally.bad_texts, "most_frequent": _most_frequent(tally.texts)},
             "quality_not_good": _most_frequent(tally.qualities),
             "times_unreadable": sorted(tally.times)[:MOST_LISTED],

@@ -24,6 +24,7 @@ from .adapters.rows import Tally, UnusableError
 from .engine import Engine
 from .loops import Loop, LoopTable
 from .records import Assessment, LoopRow, Record
+from .silence import Last, last_of
 
 MOST_ROWS = 50_000_000
 """Rows of a task: what `--resume` loses at most, a second or two of detection."""
@@ -34,6 +35,12 @@ class Part(msgspec.Struct):
 
     events: list[Assessment] = []
     rows: list[LoopRow] = []
+    last: dict[str, Last] = {}
+    """How each loop's samples ended."""
+    first: int | None = None
+    """Time of the first sample of any loop, good or bad [ns since 1970]."""
+    newest: int | None = None
+    """Of the last one [ns since 1970]."""
     counts: dict[str, int] = {}
     tally: Tally = msgspec.field(default_factory=Tally)
     unusable: tuple[str, str, int | None] | None = None
@@ -82,23 +89,28 @@ def run_task(task: Task, done: Callable[[int], None] = _count) -> Part:
     tally = Tally()
     try:
         try:
-            engine, events = _run(task, in_order(task.sources, wanted, task.span, tally, task.groups), done)
+            part = _run(task, in_order(task.sources, wanted, task.span, tally, task.groups), done)
         except OutOfOrderError:
             tally = Tally()
-            engine, events = _run(task, sorted_samples(task.sources, wanted, task.span, tally), done)
+            part = _run(task, sorted_samples(task.sources, wanted, task.span, tally), done)
     except UnusableError as error:
         return Part(unusable=(error.name, error.reason, error.line))
-    return Part(events, engine.rows(), engine.counts(), tally)
+    part.tally = tally
+    return part
 
 
-def _run(task: Task, samples: Iterator[Any], done: Callable[[int], None]) -> tuple[Engine, list[Assessment]]:
+def _run(task: Task, samples: Iterator[Any], done: Callable[[int], None]) -> Part:
     engine = Engine(LoopTable(task.loops))
     events: list[Assessment] = []
+    times: list[int] = []
     for batch in samples:
         _keep(engine.step(batch), events)
+        times = [min([*times, int(batch.time.min())]), max([*times, int(batch.time.max())])]
         done(len(batch))
     _keep(engine.flush(), events)
-    return engine, events
+    last = {loop.name: last_of(state) for loop, state in zip(task.loops, engine.detector.state, strict=True)}
+    first, newest = times or (None, None)
+    return Part(events, engine.rows(), last, first, newest, engine.counts())
 
 
 def _keep(records: Sequence[Record], events: list[Assessment]) -> None:

@@ -155,15 +155,17 @@ def _accept(s, p, time, sp, pv, op, quality):
             return False
     if quality < UNCERTAIN:
         s.bad_quality += 1
+        s.spoilt += 1
         return False
     ok = p.pv_min < pv < p.pv_max and p.pv_min < sp < p.pv_max and abs(op) < TOO_LARGE
     if not ok:  # also NaN
         s.bad_value += 1
+        s.spoilt += 1
         return False
     s.ok += 1
     if quality < GOOD:
         s.uncertain += 1
-    s.lates = 0
+    s.lates = s.spoilt = 0
     return True
 
 

@@ -29,6 +29,7 @@ from .order import Order
 from .records import RETUNE, WORST_FIRST, Assessment, Event, LoopRow, Record, Suggestion, Window
 from .rows import worst_first
 from .samples import Samples
+from .silence import last_of, tell
 from .snapshot import OpenEvents
 from .wire import (
     FRAME_MIME,
@@ -75,6 +76,8 @@ STALE_PERIODS, STALE_SECONDS = 3.0, 10.0
 """Sample periods without a good sample, and the least time [s], after which a loop counts as stale."""
 STALE_UNKNOWN = 600.0
 """The same while a loop's period is not known yet [s]."""
+NEVER_GOOD = 30
+"""Bad samples of a loop without a single good one after which it counts as stale, too."""
 STALE_EVERY = 1.0
 """Between two looks at who has fallen silent [s]."""
 TIDY_EVERY = 60.0
@@ -513,20 +516,29 @@ class Service:
             self._last = (now, received, ok)
 
     def _look_for_silence(self, now: float) -> None:
-        """Notice loops that sent something once and nothing good for three periods; say what has changed, in a line."""
+        """Notice loops that send bad samples, or none, for three periods; say what has changed, in a line."""
         n = len(self.engine.detector.state)
         state = self.engine.detector.state
         limit = np.maximum(STALE_PERIODS * state["period"], STALE_SECONDS)
         limit = np.where(state["period"] > 0, limit, STALE_UNKNOWN)
-        heard = state["seen"] > 0
-        found = set(np.flatnonzero(heard & (now - self.order.state["arrival"][:n] > limit)).tolist())
+        order = self.order.state[:n]
+        seen, spoilt = state["seen"] > 0, state["spoilt"]
+        heard = seen | (spoilt >= NEVER_GOOD)
+        # what a clock says of the last good sample, and, for values out of range, what the samples' own times say
+        quiet = (now - order["arrival"] > limit) | (
+            (spoilt > 0) & ((order["newest"] - state["time"]) * 1e-9 > limit)
+        )
+        found = set(np.flatnonzero(heard & (quiet | ~seen)).tolist())
         silent = bool(found) and len(found) == int(heard.sum())
         if silent != self.silent:
             self.silent = silent
             self._next_status = now  # said at once, and once: not for each loop
-            log.warning("%s", "no samples of any loop: not ready" if silent else "samples are back")
+            log.warning("%s", "no good samples of any loop: not ready" if silent else "samples are back")
         elif not silent:
-            for what, rows in (("stale", found - self._stale), ("heard again", self._stale - found)):
+            new = found - self._stale
+            bad = {k for k in new if state["spoilt"][k] > 0}
+            changes = (("stale", new - bad), ("only bad samples", bad), ("heard again", self._stale - found))
+            for what, rows in changes:
                 if rows:
                     log.warning("%s: %s", what, self._named(rows))
         self._stale = found
@@ -539,10 +551,8 @@ class Service:
 
     def row(self, number: int) -> LoopRow:
         """Return a loop's row, marked where nothing comes from it any more."""
-        row = self.engine.row(number)
-        if number in self._stale and "stale" not in row.flags:
-            row.flags = (*row.flags, "stale")
-        return row
+        last = last_of(self.engine.detector.state[number])
+        return tell(self.engine.row(number), last, iso(last.time) if number in self._stale else None)
 
     def rows(self) -> list[LoopRow]:
         """Return all loops' rows, worst first."""

@@ -125,9 +125,9 @@ PARAM = np.dtype([("period", _f), ("pv_min", _f), ("pv_max", _f), ("op_low", _f)
 _NOISE = ("mean_e", "var_e", "abs_e", "mean_s", "var_s")
 """The error's mean, variance and mean size when quiet, and mean and variance of its short average [PV]."""
 _FACTS = "phase time seen warm based away ringed looks learn slot auto kind moved moves events".split()
-_TROUBLE = "lates late_at rebased gaps blind".split()
+_TROUBLE = "lates late_at rebased gaps blind spoilt".split()
 """Late samples in a row and the last one's time, how often the clock was set back, gaps in a row, samples in a row
-without a set point."""
+without a set point, and bad ones since the last good one."""
 _EVENT = "onset still end end_state end_cause points before stride skipped waves side".split()
 _SINCE = ["ok_before", "uncertain_before"]
 _SHAPE = "amplitude held low high sum_e sum_t quiet sp_from pace".split()

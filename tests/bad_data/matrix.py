@@ -33,6 +33,8 @@ ROWS: dict[int, tuple[str, tuple[str, ...]]] = {
     5: ("nothing but bad samples", (
         "test_values.py::test_nothing_but_bad_samples",
         "test_values.py::test_bad_for_a_while_is_said_once_and_once_when_it_ends",
+        "test_values.py::test_bad_from_some_time_to_the_end_is_said_in_the_row",
+        "test_values.py::test_bad_from_the_start_is_said_once",
     )),
     6: ("bad quality, plausible value", ("test_values.py::test_bad_quality_wins_over_a_plausible_value",)),
     7: ("uncertain quality", (
@@ -51,6 +53,8 @@ ROWS: dict[int, tuple[str, tuple[str, ...]]] = {
     12: ("silence", (
         "test_times.py::test_silence_of_one_loop_of_two",
         "test_times.py::test_silence_of_all_loops_is_one_event",
+        "test_times.py::test_a_loop_that_falls_silent_for_good",
+        "test_times.py::test_a_short_silence_at_the_end_of_a_file_is_none",
         "test_times.py::test_a_slow_loop_is_not_stale_between_its_samples",
     )),
     13: ("one sample missing", (

@@ -16,7 +16,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from harness import NAME, SETTINGS, Outcome, audit, both, good, same, write
+from harness import NAME, SECOND, SETTINGS, Outcome, audit, both, good, same, write
 
 from monitor.audit import run_audit
 from monitor.fleet import plan
@@ -175,7 +175,7 @@ def test_any_workers_and_any_order_of_tasks_give_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One task; two in a pool of two; eight of them, shuffled: every file is the same, byte by byte."""
-    data = pd.concat([good(N, name=f"L{k}", seed=k) for k in range(9)])
+    data = fleet()
     table = [{**SETTINGS, "name": f"L{k}"} for k in range(9)]
     folders = []
     for cuts, jobs, seed in ((1, 1, 0), (2, 2, 0), (8, 1, 1)):
@@ -189,13 +189,14 @@ def test_any_workers_and_any_order_of_tasks_give_the_same_bytes(
         folders.append(tmp_path / f"{cuts}-{jobs}-{seed}")
         assert len(audit(data, folders[-1], ".parquet", table, jobs=jobs).events) == 9
     first, *others = map(everything, folders)
+    assert first["loops.csv"].count(b"stale") == 8
     assert all(other == first for other in others)
 
 
 @pytest.mark.slow
 def test_eight_workers_give_the_same_bytes(tmp_path: Path) -> None:
     """A pool of eight processes, more than there are cores (15 s, most of it their starting)."""
-    data = pd.concat([good(N, name=f"L{k}", seed=k) for k in range(9)])
+    data = fleet()
     table = [{**SETTINGS, "name": f"L{k}"} for k in range(9)]
     written = []
     for jobs in (1, 8):
@@ -212,3 +213,10 @@ def everything(folder: Path) -> dict[str, bytes]:
     # the inputs were written anew: their bytes are compared, not where they lie
     files = {f: (out / f).read_bytes() for f in ("events.parquet", "loops.parquet", "loops.csv")}
     return {**files, "audit.json": json.dumps(about).encode()}
+
+
+def fleet() -> pd.DataFrame:
+    """Nine loops with an event each; one goes on for hours, against which the others are stale."""
+    last = good(N, name="L8", seed=8)
+    last["time"] += np.arange(N) // (N - 1) * 7200 * SECOND
+    return pd.concat([*(good(N, name=f"L{k}", seed=k) for k in range(8)), last])

@@ -79,12 +79,41 @@ def test_silence_of_all_loops_is_one_event(tmp_path: Path, caplog: pytest.LogCap
             silent = 30 <= k < 50
             assert (status["ready"], status["not_ready"]) == (not silent, ["silent"] if silent else []), k
     assert [r.getMessage() for r in caplog.records] == [
-        "no samples of any loop: not ready",
+        "no good samples of any loop: not ready",
         "samples are back",
     ]
     said = [k for k, _, _ in monitor.bus.said if k.endswith("/@/monitor/status")]
     assert len(said) <= 60 // 10 + 3
     monitor.close()
+
+
+def test_a_loop_that_falls_silent_for_good(tmp_path: Path) -> None:
+    """Its last sample long before that of the others: stale, live and in the audit, with the time of its last."""
+    table = [{"name": "ENDS"}, {"name": "GOES-ON"}, {"name": "SLOW", "period": 3600.0}]
+    calm = {"kp": 1.4, "ti": 600.0}
+    ends = good(500, name="ENDS", size=0.0, period=10.0, **calm)
+    on, slow = (
+        good(n, name=m, size=0.0, period=p, kp=0.001, ti=1e6)
+        for n, m, p in ((1200, "GOES-ON", 10.0), (4, "SLOW", 3600.0))
+    )
+    data = pd.concat([ends, on, slow]).sort_values("time", kind="stable", ignore_index=True)
+    found = both(data, tmp_path, table=table, payloads=("frame",))
+    assert {n for n, r in found.rows.items() if "stale" in r.flags} == {"ENDS"}
+    assert found.rows["ENDS"].reason.startswith("no sample since 2026-01-01T01:23:10.000000Z; ")
+    assert found.about["newest_sample"].startswith("2026-01-01T03:19:50")
+
+
+@pytest.mark.parametrize(("hours", "n", "stale"), [(0.9, 500, False), (1.1, 500, True), (1.1, 45_000, False)])
+def test_a_short_silence_at_the_end_of_a_file_is_none(
+    tmp_path: Path, hours: float, n: int, stale: bool
+) -> None:
+    """An hour, or a hundredth of the whole time: a historian that writes what changes is as silent as that."""
+    parts = [good(n, name=m, size=0.0, period=10.0, kp=1.4, ti=600.0) for m in ("ENDS", "GOES-ON")]
+    parts[0] = parts[0][: -round(hours * 360)]
+    data = pd.concat(parts).sort_values("time", kind="stable", ignore_index=True)
+    table = [{"name": m} for m in ("ENDS", "GOES-ON")]
+    found = audit(data, tmp_path, ".parquet", table)
+    assert {m for m, r in found.rows.items() if "stale" in r.flags} == ({"ENDS"} if stale else set())
 
 
 @pytest.mark.parametrize("period", [20.0, 60.0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -122,13 +123,26 @@ def test_words_of_quality_are_kept(clean, tmp_path: Path) -> None:
     )
 
 
-def test_nothing_but_bad_samples(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("values", "qualities", "said"),
+    [
+        (N, 0, f"all {N} samples were bad (no number, or out of range)"),
+        (0, N, f"all {N} samples were bad (quality)"),
+        (100, N, f"all {N} samples were bad (quality)"),
+        (N, 100, f"all {N} samples were bad (most: no number, or out of range)"),
+        (None, None, "no sample was seen"),
+    ],
+)
+def test_nothing_but_bad_samples(tmp_path: Path, values: Any, qualities: Any, said: str) -> None:
     """A loop without one good sample: not assessed, and why; no figure; the other loop is not concerned."""
-    bad = good(N, name="FIC-2").assign(pv=np.nan)
-    data = pd.concat([good(N), bad]).sort_values("time", kind="stable", ignore_index=True)
+    bad = good(N, name="FIC-2").assign(quality=192)
+    bad.loc[: (values or 0) - 1, "pv"] = np.nan
+    bad.loc[: (qualities or 0) - 1, "quality"] = 0
+    parts = [good(N).assign(quality=192), *([] if values is None else [bad])]
+    data = pd.concat(parts).sort_values("time", kind="stable", ignore_index=True)
     found = both(data, tmp_path, table=[SETTINGS, {"name": "FIC-2"}])
     row = found.rows["FIC-2"]
-    assert (row.verdict, row.reason) == (NOT_ASSESSED, "no good sample was seen")
+    assert (row.verdict, row.reason) == (NOT_ASSESSED, f"no data: {said}")
     assert (row.ci_setpoint, row.coverage, row.noise, row.events) == (None, None, None, 0)
     assert found.rows[NAME].verdict == GOOD
     result = run_audit([tmp_path / "audit" / "data.csv"], None, tmp_path / "x", since="2027-01-01")
@@ -147,10 +161,43 @@ def test_bad_for_a_while_is_said_once_and_once_when_it_ends(
     with caplog.at_level(logging.WARNING, "loopsight"):
         found = live(data, tmp_path, table=table, every=1.0)
     lines = [r.getMessage() for r in caplog.records]
-    assert lines == [f"stale: {NAME}", f"heard again: {NAME}"]
+    assert lines == [f"only bad samples: {NAME}", f"heard again: {NAME}"]
     assert {e.loop for e in found.opened} == {NAME}
     assert all(e.start >= (START + 850) * SECOND for e in found.opened)
     same(audit(data, tmp_path / "a", table=table), found)
+
+
+@pytest.mark.parametrize("value", [np.nan, 1e35])
+def test_bad_from_some_time_to_the_end_is_said_in_the_row(tmp_path: Path, value: float) -> None:
+    """Good for an hour, then bad for five: stale, and since when; what was found before stays."""
+    table = [SETTINGS, {"name": "FIC-2"}]
+    mine, other = (
+        good(2000, at=200, period=10.0, kp=1.4, ti=600.0),
+        good(2000, name="FIC-2", size=0.0, period=10.0, kp=1.4, ti=600.0),
+    )
+    table[0] = {**SETTINGS, "kp": 1.4, "ti": 600.0}
+    mine.loc[360:, "pv"] = value
+    data = pd.concat([mine, other]).sort_values("time", kind="stable", ignore_index=True)
+    found = both(data, tmp_path, table=table, payloads=("frame",))
+    assert "stale" in found.rows[NAME].flags
+    assert found.rows[NAME].reason.endswith(
+        "nothing but bad samples (1640) since 2026-01-01T00:59:50.000000Z"
+    )
+    assert found.rows[NAME].events == 1
+    assert "stale" not in found.rows["FIC-2"].flags
+
+
+def test_bad_from_the_start_is_said_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A loop that has never sent a good sample is named once, and once when one comes."""
+    monitor = Live(tmp_path, [{**SETTINGS, "period": 1.0}, {"name": "FIC-2"}])
+    mine, other = good(100).assign(pv=np.nan), good(100, name="FIC-2", size=0.0)
+    mine.loc[80:, "pv"] = 50.0
+    with caplog.at_level(logging.WARNING, "loopsight"):
+        for a, b in zip(messages(mine), messages(other), strict=True):
+            monitor.put([*a, *b], 1.0)
+            assert monitor.status()["ready"]
+    monitor.close()
+    assert [r.getMessage() for r in caplog.records] == [f"only bad samples: {NAME}", f"heard again: {NAME}"]
 
 
 @pytest.mark.parametrize("code", [0, 4, 24, 63])

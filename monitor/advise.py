@@ -27,7 +27,7 @@ from .candidates import (
     search,
     unfit,
 )
-from .identify import Fit
+from .fits import Fit
 from .judge import MARGIN
 from .loops import Loop
 from .reference import (

@@ -13,17 +13,8 @@ from typing import Any
 import numpy as np
 
 from .closedloop import REPRODUCES, indirect_fit, reproduces
-from .identify import (
-    INTEGRATING,
-    SELF_REGULATING,
-    Array,
-    Fit,
-    contradictory,
-    correlation_time,
-    decide,
-    fit_kinds,
-    setpoint_integrals,
-)
+from .fits import INTEGRATING, SELF_REGULATING, Array, Fit, contradictory, decide
+from .identify import correlation_time, fit_kinds, setpoint_integrals
 from .judge import current_sensitivity, judge
 from .loops import Loop, lives_with_offset
 from .records import INCONCLUSIVE, Assessment, event_id

@@ -13,7 +13,7 @@ from tuners.robustness import peak_sensitivity
 from tuners.rules import RULES
 from tuners.settings import FILTER_RATIO, Settings
 
-from .identify import Array
+from .fits import Array
 from .loops import Loop
 from .reference import SETPOINT, reference_settings, reference_structure
 from .region import fastest_safe

@@ -11,7 +11,7 @@ import numpy as np
 from .advise import Advice, Withheld, advise, renewed
 from .assess import Finding, model_fields
 from .candidates import unfit
-from .identify import Fit, combine, contradictory
+from .fits import Fit, combine, contradictory
 from .judge import current_sensitivity, judge
 from .loops import Loop
 from .records import GOOD, INCONCLUSIVE, RETUNE, LoopRow

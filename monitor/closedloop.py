@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from tuners.settings import NotRepresentableError, Settings
 
-from .fitting import closed_loop
-from .identify import INDIRECT, INTEGRATING, Array, Fit, tangent_scatter, with_uncertainty
+from .fits import INDIRECT, INTEGRATING, Array, Fit
+from .identify import tangent_scatter, with_uncertainty
+from .response import closed_loop
 
 REPRODUCES = 0.98
 """Share of OP's variance that the known settings must explain, fed with the measured SP and PV."""

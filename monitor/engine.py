@@ -14,8 +14,9 @@ import numpy as np
 from .assess import Finding, assess_event
 from .case import Case
 from .detect import Detector
+from .fits import Array
 from .health import figures
-from .identify import Array, model_response
+from .identify import model_response
 from .loops import Loop, LoopTable
 from .records import Assessment, Event, LoopRow, Record, Suggestion, Window, event_id
 from .reference import SETPOINT

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .fits import ALIKE, DECIDES, DIRECT, INTEGRATING, SIMPLER, Z95, Array, Fit, Valley, better_by
 from .fitting import (
     DEAD,
     LAG,
@@ -27,19 +28,13 @@ from .fitting import (
     bounds,
     descend,
     evaluate,
-    load_response,
     of_pulses,
     project,
-    response,
     search,
     slopes,
     walk,
 )
-
-Array = NDArray[np.float64]
-
-INTEGRATING, SELF_REGULATING = "integrating", "self-regulating"
-DIRECT, INDIRECT, JOINT = "direct", "indirect", "joint"
+from .response import load_response, response
 
 FLOOR_LN_GAIN = 0.01
 """One sigma of model mismatch in ln gain: a half-rule model of a fourth-order plant is 1 % off without noise."""
@@ -53,11 +48,6 @@ UNRESOLVED = 1.0
 """The same for a dead time of nothing: which of two scans a historian's stamp belongs to is not in the data."""
 RESOLVED = 3.0
 """Sample periods from which a dead time counts as resolved; in between, the floor falls linearly."""
-SIMPLER = 2.0
-"""The same for an integrating one: with a long lag a self-regulating one would explain as much, so the short lag
-that was found for it is less likely yet."""
-ALIKE = 8.0
-"""Lag, in dead times, from which SIMC's integral time is that for an integrating process (Skogestad 2003)."""
 SECOND_LAG = 0.3
 """One sigma of a second lag as a share of the first: a process whose lags are alike is rare."""
 LOST = 0.3
@@ -66,83 +56,6 @@ LEAST_NOISE = 1e-10
 """Least power of the residuals, as a share of PV's: no model is better than that, and no number either."""
 SINGLE, BESIDE, EVERY = ((DEAD, LAG), (LAG, SHARE), (DEAD, LAG, SHARE))
 """Parameters that are searched for: with one lag, at a given dead time, all; for a load the onset too."""
-Z95 = 1.96
-DECIDES = 6.0
-"""Difference of log-likelihoods (in effective samples) from which one kind of process is believed: 1 to 400."""
-
-
-@dataclass(frozen=True, slots=True)
-class Valley:
-    """Models of one window along which the likelihood falls off slowly, on a way that is not straight."""
-
-    models: Array
-    """(k, 4) gain, lag, dead time, second lag [s]."""
-    deficit: Array
-    """(k,) squared sigmas by which each is less likely than the best."""
-    across: Array
-    """(3, 3) covariance of (ln |gain|, lag, dead time) by the residuals, at each of them."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fit:
-    """A half-rule model with its uncertainty."""
-
-    process: str
-    gain: float
-    """[PV/(OP s)] integrating, [PV/OP] self-regulating."""
-    lag: float
-    """[s]"""
-    dead_time: float
-    """Effective dead time [s]."""
-    lag2: float
-    """Second lag of a self-regulating process, else 0 [s]."""
-    scatter: Array
-    """(3, 3) covariance of (ln |gain|, lag, dead time) by the residuals."""
-    floor: Array
-    """(3,) variances to add for model mismatch, which more data do not reduce."""
-    quality: float
-    """1 - residual variance / PV variance over the window."""
-    log_likelihood: float
-    """-n_eff/2 ln(residual variance), of a model with two lags where there is one: to compare fits of a window."""
-    sigma: float
-    """Standard deviation of the residuals [PV]."""
-    n_eff: float = 1.0
-    """Independent points of which the likelihood is."""
-    size: float | None = None
-    """Size Ad of the load step at the process input [OP]; None for a set-point step."""
-    onset: float | None = None
-    """When the load stepped, from the window's time zero [s]."""
-    valley: Valley | None = None
-    """Where no covariance describes the models that the data allow: of a self-regulating process."""
-    method: str = DIRECT
-    """``direct`` (from OP as measured), ``indirect`` (closed loop simulated) or ``joint`` (several events)."""
-
-    @property
-    def t0(self) -> float:
-        """Sum of lags and dead time [s]."""
-        return self.lag + self.lag2 + self.dead_time
-
-    @property
-    def cov(self) -> Array:
-        """(3, 3) covariance of (ln |gain|, lag, dead time), mismatch included."""
-        return self.scatter + np.diag(self.floor)
-
-    def interval(self, name: str) -> tuple[float, float]:
-        """Return the 95 % interval of ``gain``, ``lag``, ``dead_time`` or ``t0``."""
-        if name == "gain":
-            half = Z95 * math.sqrt(self.cov[0, 0])
-            ends = self.gain * math.exp(-half), self.gain * math.exp(min(half, 700.0))
-            return min(ends), max(ends)
-        weights = {"lag": (0.0, 1.0, 0.0), "dead_time": (0.0, 0.0, 1.0), "t0": (0.0, 1.0, 1.0)}
-        low, high = self._about(name, np.array(weights[name]))
-        if name != "t0":  # neither part of T0 is below 0, so the other is not above it
-            high = min(high, max(self._about("t0", np.array(weights["t0"]))[1] - self.lag2, low))
-        return low, high
-
-    def _about(self, name: str, weights: Array) -> tuple[float, float]:
-        half = Z95 * math.sqrt(max(float(weights @ self.cov @ weights), 0.0))
-        value = float(getattr(self, name))
-        return max(value - half, 0.0), value + half
 
 
 def setpoint_integrals(amplitude: float, s1: float, s2: float, y1: float) -> tuple[float, float]:
@@ -279,81 +192,6 @@ def with_uncertainty(
     )
 
 
-def decide(fits: list[Fit], span: float) -> tuple[Fit | None, bool]:
-    """Return the better of the fits of one window, and whether it is better beyond doubt.
-
-    A self-regulating model with a long lag is an integrating one, so it never explains less: it is believed
-    only where it explains more. Where it does not, and its lag is so long that it would be tuned as an
-    integrating process anyway, the process is called integrating.
-
-    Parameters
-    ----------
-    fits
-        One for each kind of process.
-    span
-        Length of the window [s]: a self-regulating process whose lag is longer than two of them has shown
-        nothing but its slope.
-    """
-    if len(fits) < 2:
-        return (fits[0], True) if fits else (None, False)
-    integrating = max((f for f in fits if f.process == INTEGRATING), key=lambda f: f.log_likelihood)
-    regulating = max((f for f in fits if f.process == SELF_REGULATING), key=lambda f: f.log_likelihood)
-    better = _better(
-        regulating.log_likelihood, regulating.n_eff, integrating.log_likelihood, integrating.n_eff
-    )
-    if better >= DECIDES and regulating.lag <= 2.0 * span:
-        return regulating, True
-    alike = regulating.lag > min(2.0 * span, ALIKE * (regulating.dead_time + regulating.lag2 / 2))
-    if better <= -SIMPLER or alike:
-        return integrating, True
-    return (integrating if better < 0 else regulating), False
-
-
-def _better(one: float, n_one: float, other: float, n_other: float) -> float:
-    """By how much one log-likelihood exceeds another, each of so many points, over those of the poorer one."""
-    return min(n_one, n_other) * (one / n_one - other / n_other)
-
-
-def combine(fits: list[Fit]) -> Fit:
-    """Return one model for several events of a loop: the information-weighted mean of (ln |gain|, lag, dead time).
-
-    All fits are of one kind of process and one sign of gain. Scatter shrinks with the number of events, the
-    floor for model mismatch does not. A weighted mean, not a fit to all windows together.
-    """
-    if len(fits) == 1:
-        return fits[0]
-    weights = [np.linalg.inv(f.cov) for f in fits]
-    together = np.linalg.inv(np.sum(weights, axis=0))
-    # half a second lag counts as lag, half as dead time, as in the covariance
-    each = [np.array([math.log(abs(f.gain)), f.lag + f.lag2 / 2, f.dead_time + f.lag2 / 2]) for f in fits]
-    mean = together @ np.sum([w @ x for w, x in zip(weights, each, strict=True)], axis=0)
-    half = min(float(np.mean([f.lag2 for f in fits])) / 2, max(mean[1] / 2, 0.0), max(mean[2], 0.0))
-    floor = np.mean([f.floor for f in fits], axis=0)
-    best = max(fits, key=lambda f: f.quality)
-    return replace(
-        best,
-        gain=math.copysign(math.exp(mean[0]), best.gain),
-        lag=max(float(mean[1]) - half, 0.0),
-        dead_time=max(float(mean[2]) - half, 0.0),
-        lag2=2.0 * half,
-        scatter=together,
-        floor=floor,
-        valley=None,
-        method=JOINT,
-    )
-
-
-def contradictory(fits: list[Fit], joint: Fit) -> bool:
-    """Whether an event's gain lies so far from the joint model that chance cannot explain it (4 sigma, 20 %)."""
-    for fit in fits:
-        if fit.gain * joint.gain < 0:
-            return True
-        sigma = math.sqrt(fit.cov[0, 0] + joint.cov[0, 0])
-        if abs(math.log(fit.gain / joint.gain)) > max(4.0 * sigma, 0.2):
-            return True
-    return False
-
-
 def model_response(window: Array, before: int, fit: Fit) -> Array:
     """PV as the model gives it from the window's OP, offset (and slope, if integrating) fitted; (n,) [PV]."""
     load = fit.size is not None and fit.onset is not None
@@ -446,7 +284,7 @@ def _explain(w: _Window, compared: bool, rival: Fit | None) -> _Found | None:
     if w.kind % 2 == 0:
         found = _one_lag(w, single)
     elif rival is not None and _not_believed(
-        w, best, _better(likelihood, n_eff, rival.log_likelihood, rival.n_eff)
+        w, best, better_by(likelihood, n_eff, rival.log_likelihood, rival.n_eff)
     ):
         found = _one_lag(w, best)
     else:

@@ -14,7 +14,7 @@ from tuners.responses import step_figures
 from tuners.settings import Settings
 from tuners.simc import simc_pd, simc_pi, simc_pid
 
-from .identify import INTEGRATING, Fit
+from .fits import INTEGRATING, Fit
 from .loops import Loop
 
 SETPOINT, LOAD = "setpoint", "load"

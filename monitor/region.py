@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tuners.models import IntegratingModel, Model, SelfRegulatingModel
 from tuners.settings import Settings
 
-from .identify import INTEGRATING, Array, Fit, Valley
+from .fits import INTEGRATING, Array, Fit, Valley
 from .reference import held
 from .scan import first_safe, worst_distance
 

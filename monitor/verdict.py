@@ -19,8 +19,8 @@ import numpy as np
 
 from tuners.models import IntegratingModel, SelfRegulatingModel
 
+from .fits import INTEGRATING
 from .health import Health
-from .identify import INTEGRATING
 from .judge import MARGIN, trap
 from .loops import Loop, lives_with_offset
 from .records import INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow

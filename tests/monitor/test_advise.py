@@ -17,7 +17,7 @@ from twin import noise_through
 
 from monitor.advise import FURTHEST, STAGE, Advice, Withheld, advise, op_noise, renewed
 from monitor.candidates import unfit
-from monitor.identify import SELF_REGULATING, Fit
+from monitor.fits import SELF_REGULATING, Fit
 from monitor.loops import CONTROLLERS, OBJECTIVES, Loop
 from monitor.reference import LOAD, SETPOINT, held, model_of, reference_structure, settings_of
 from monitor.region import uncertain_models

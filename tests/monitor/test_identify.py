@@ -12,22 +12,12 @@ from hypothesis import strategies as st
 from twin import Array, pi_loop, response, samples_of
 
 from monitor.detect import Detector
-from monitor.fitting import blocks, load_response
-from monitor.fitting import response as fast_response
-from monitor.identify import (
-    INTEGRATING,
-    SELF_REGULATING,
-    Fit,
-    combine,
-    contradictory,
-    correlation_time,
-    decide,
-    fit_kinds,
-    fit_window,
-    model_response,
-    setpoint_integrals,
-)
+from monitor.fits import INTEGRATING, SELF_REGULATING, Fit, combine, contradictory, decide
+from monitor.fitting import blocks
+from monitor.identify import correlation_time, fit_kinds, fit_window, model_response, setpoint_integrals
 from monitor.loops import Loop
+from monitor.response import load_response
+from monitor.response import response as fast_response
 from monitor.state import CLOSED
 from sim_plants.controllers import Controller
 from sim_plants.loops import Simulation

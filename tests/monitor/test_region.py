@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_identify import make_fit
 
-from monitor.identify import SELF_REGULATING
+from monitor.fits import SELF_REGULATING
 from monitor.region import fastest_safe, found, uncertain_models, worst_peaks
 from monitor.stages import ORDERS, stages
 from tuners.models import IntegratingModel, Model, SelfRegulatingModel

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from detect_tools import (
     stepped,
     steps_of,
 )
+from numpy.typing import NDArray
 from twin import SECOND, START, pi_loop, times
 
 from monitor.detect import Detector
@@ -29,6 +31,17 @@ from monitor.state import (
     STATES,
     STEP_REST,
 )
+
+
+def closed_by(sp: NDArray[np.float64], **facts: Any) -> list[Any]:
+    """Events that close in a loop that follows this set point."""
+    pv, op = pi_loop(sp, **facts)
+    return events_of(detected(Samples.of(0, times(len(sp)), sp, pv, op))[1])
+
+
+def climbing(n: int, first: int, every: int, treads: int, height: float) -> NDArray[np.float64]:
+    """Return a set point that goes up a staircase from 50, a tread each so many samples."""
+    return 50.0 + height * np.clip((np.arange(n) - first) // every + 1, 0, treads)
 
 
 def test_a_step_opens_and_closes_one_event():
@@ -51,9 +64,7 @@ def test_a_set_point_smeared_over_three_samples_is_one_step():
     sp = np.full(700, 50.0)
     sp[200:] = 54.0
     sp[200], sp[201] = 51.1, 52.9
-    pv, op = pi_loop(sp)
-    _, found = detected(Samples.of(0, times(700), sp, pv, op))
-    (closed,) = events_of(found)
+    (closed,) = closed_by(sp)
     assert closed["amplitude"] == pytest.approx(4.0)
     assert closed["onset"] == START + 200 * SECOND
 
@@ -97,19 +108,12 @@ def test_a_controller_that_writes_once_a_minute_is_found_out():
     """Model-predictive control: after two moves of the set point they are nobody's steps any more."""
     rng = np.random.default_rng(4)
     sp = 50 + np.repeat(np.cumsum(rng.normal(0, 1.0, 200)), 60)
-    pv, op = pi_loop(sp, noise=0.02)
-    _, found = detected(Samples.of(0, times(len(sp)), sp, pv, op))
-    assert len(events_of(found)) <= 2
+    assert len(closed_by(sp, noise=0.02)) <= 2
 
 
 def test_a_staircase_of_held_steps_is_one_event_a_step():
     """Each tread that is held long enough cuts the event before it short and opens its own."""
-    sp = np.full(1200, 50.0)
-    for k in range(3):
-        sp[200 + 30 * k :] += 2.0
-    pv, op = pi_loop(sp)
-    _, found = detected(Samples.of(0, times(1200), sp, pv, op))
-    closed = events_of(found)
+    closed = closed_by(climbing(1200, 200, 30, 3, 2.0))
     assert [STATES[e["state"]] for e in closed] == ["interrupted", "interrupted", "settled"]
     assert [int(e["cause"]) for e in closed[:2]] == [BY_STEP, BY_STEP]
     assert [e["amplitude"] for e in closed] == pytest.approx([2.0, 2.0, 2.0])
@@ -119,12 +123,7 @@ def test_a_staircase_of_held_steps_is_one_event_a_step():
 @pytest.mark.parametrize("every", [1, 3, 5])
 def test_some_clicks_in_a_row_are_one_step(every):
     """An operator who clicks four times within a quarter of a minute makes one step of their sum."""
-    sp = np.full(900, 50.0)
-    for k in range(4):
-        sp[300 + every * k :] += 1.0
-    pv, op = pi_loop(sp, noise=0.02)
-    _, found = detected(Samples.of(0, times(900), sp, pv, op))
-    (closed,) = events_of(found)
+    (closed,) = closed_by(climbing(900, 300, every, 4, 1.0), noise=0.02)
     assert closed["amplitude"] == pytest.approx(4.0)
     assert closed["onset"] == START + 300 * SECOND
     assert STATES[closed["state"]] == "settled"
@@ -133,22 +132,16 @@ def test_some_clicks_in_a_row_are_one_step(every):
 @pytest.mark.parametrize("every", [4, 15, 40])
 def test_a_staircase_of_last_bits_is_a_ramp(every):
     """A ramp that shows as a hundred moves of one bit is not a hundred steps."""
-    sp = np.full(6000, 50.0)
-    for k in range(100):
-        sp[300 + every * k :] += 0.1
-    pv, op = pi_loop(sp, noise=0.01)
-    _, found = detected(Samples.of(0, times(6000), sp, pv, op))
-    assert len(events_of(found)) <= (0 if every < STEP_REST else 3)
+    assert len(closed_by(climbing(6000, 300, every, 100, 0.1), noise=0.01)) <= (0 if every < STEP_REST else 3)
 
 
 def test_there_and_back_before_the_loop_settles_is_two_steps():
     """A bump test: the first event ends where the second begins."""
     sp = np.full(1500, 50.0)
     sp[300:350] += 4.0
-    pv, op = pi_loop(sp, noise=0.02)
-    _, found = detected(Samples.of(0, times(1500), sp, pv, op))
-    assert [STATES[e["state"]] for e in events_of(found)] == ["interrupted", "settled"]
-    assert [e["amplitude"] for e in events_of(found)] == pytest.approx([4.0, -4.0])
+    closed = closed_by(sp, noise=0.02)
+    assert [STATES[e["state"]] for e in closed] == ["interrupted", "settled"]
+    assert [e["amplitude"] for e in closed] == pytest.approx([4.0, -4.0])
 
 
 @pytest.mark.parametrize("jitter", ["of single precision", "of an analog signal"])
@@ -172,9 +165,7 @@ def test_a_step_soon_after_a_ramp_is_found():
     """A loop that was ramped for ten minutes and has settled is looked at again."""
     n = np.arange(2500)
     sp = 50.0 + np.clip(n - 300, 0, 600) * 0.01 + 4.0 * (n >= 1500)
-    pv, op = pi_loop(sp, noise=0.02)
-    _, found = detected(Samples.of(0, times(2500), sp, pv, op))
-    assert [e["onset"] for e in events_of(found)] == [START + 1500 * SECOND]
+    assert [e["onset"] for e in closed_by(sp, noise=0.02)] == [START + 1500 * SECOND]
 
 
 @pytest.mark.parametrize("rate", [0.0001, 0.001, 0.01, 0.1])

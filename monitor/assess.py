@@ -65,6 +65,8 @@ LEAST_LOAD_FIT = 0.5
 """Share of PV's variance that a load step must explain to be reported as one, where what is left over is small."""
 LOAD_REST = 0.12
 """Residuals, as a share of the error's largest excursion, that do not speak against a load step."""
+COARSE = 0.5
+"""Nor do residuals of half a step of a coarse PV, whose rounding they are."""
 LOAD_STANDS_OUT = 9.0
 """Standard deviations of the error's short average when quiet that such a load step must reach."""
 LEAST_PERIODS = 4.0
@@ -163,7 +165,7 @@ def assess_event(loop: Loop, event: Any, window: Array) -> Finding:
 def _is_load_step(fit: Fit, event: Any) -> bool:
     """Whether a step of the load explains enough to be reported; a verdict asks for more (`_explained`)."""
     size = abs(float(event["amplitude"]))
-    rest = max(LIKE_NOISE * float(event["sd_e"]), LOAD_REST * size)
+    rest = max(LIKE_NOISE * float(event["sd_e"]), LOAD_REST * size, COARSE * float(event["quantum"]))
     stands_out = size > LOAD_STANDS_OUT * math.sqrt(float(event["loop_state"]["var_s"]))
     return fit.quality >= LEAST_FIT or (fit.quality >= LEAST_LOAD_FIT and fit.sigma <= rest and stands_out)
 

@@ -111,6 +111,12 @@ def _wander(spec: LoopSpec, rng: np.random.Generator) -> LoopSpec:
     return replace(_white(spec, rng), wander=wander, wander_time=time)
 
 
+def _coarse(spec: LoopSpec, rng: np.random.Generator) -> LoopSpec:
+    """The same, seen by a coarse transmitter."""
+    spec = _wander(spec, rng)
+    return replace(spec, quantum=spec.noise * _log(rng, 0.5, 10.0))
+
+
 def _ramps(spec: LoopSpec, rng: np.random.Generator) -> LoopSpec:
     move, takes, rests = (
         _span(spec) * _log(rng, 0.005, 0.05),
@@ -172,6 +178,7 @@ KINDS = {
     "quantised": Kind(_quantised, 0.02, HEALTHY),
     "cycling": Kind(_cycling, 0.1, HEALTHY),
     "wander": Kind(_wander, 0.1, HEALTHY),
+    "coarse": Kind(_coarse, 0.1, HEALTHY),
     "ramps": Kind(_ramps, 0.1, HEALTHY),
     "cascade": Kind(_cascade, 0.1, HEALTHY),
     "setpoint": Kind(_setpoint, math.inf, None, "setpoint"),

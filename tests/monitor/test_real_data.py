@@ -124,6 +124,14 @@ def test_every_step_of_the_lab_is_found_once(loop):
     assert row_numbers("tclab", "data.parquet", loop, 1.0) == [300, 1500, 2700]
 
 
+def test_load_steps_of_the_lab_are_found_though_its_thermometer_is_coarse():
+    """A neighbour's heater at 3900 s, colder air at 5100 s: PV moves by three of its steps, OP by 8 and 10 %."""
+    _, seen, first = watched("tclab", "data.parquet")
+    loads = [a for a in seen.assessments if a.loop == "TIC-good" and a.kind == "load"]
+    assert [round((a.start - first[a.loop]) / 1e9) for a in loads] == pytest.approx([3900, 5100], abs=20)
+    assert [a.amplitude for a in loads] == pytest.approx([8, -10], abs=1)
+
+
 def test_the_lab_is_self_regulating_and_its_gain_is_known():
     """About 0.6 degC/% wherever a verdict rests on it."""
     for loop in ("TIC-good", "TIC-ponly"):

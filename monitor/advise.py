@@ -16,7 +16,6 @@ from tuners.responses import step_figures
 from tuners.settings import NotRepresentableError, Settings
 
 from .candidates import (
-    FURTHEST,
     SLOWEST,
     TIMES,
     Limits,
@@ -42,9 +41,7 @@ from .reference import (
     settings_of,
 )
 from .region import uncertain_models, worst_peaks
-from .stages import STAGE, rounded, stacked, stages
-
-__all__ = ["FURTHEST", "STAGE", "Advice", "Withheld", "advise", "op_noise", "renewed"]
+from .stages import rounded, stacked, stages
 
 GAIN_WORTH = 0.85
 """A suggestion for speed must bring the predicted error below this share of today's."""

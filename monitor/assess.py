@@ -37,28 +37,28 @@ MOST_SATURATION = 0.1
 LEAST_FIT = 0.95
 """Share of PV's variance that a model must explain before anything rests on it: 3 % of noise costs about 1 %,
 a load step in the middle of the window 10 % and more, and with it the gain is wrong by a factor."""
-NOISY = 0.015
-"""Residuals, as a share of PV's range, from which the direct fit's bias outweighs the mismatch of the indirect one."""
-MOST_REST_ERROR = 0.3
-"""Error in ln gain from which the integrals are no check: under noise they lose to the drift of OP's rest."""
 LEAST_FIT_IN_NOISE = 0.7
 """The same for a small step, where what is left over is no larger than the noise before it."""
+LEAST_LOAD_FIT_IN_NOISE = 0.9
+"""The same for a load step, whose time and size are fitted too: a wandering load has been explained by 85 %."""
 FAR_ABOVE_NOISE = 5.0
 """Standard deviations of PV's noise above which what is left over has a cause of its own: an oscillation, a
 neighbour. Then a model must explain more."""
 LEAST_FIT_AMONG_OTHERS = 0.98
 """The share of PV's variance that it must explain then: what is left is a seventh of the standard deviation."""
-LEAST_LOAD_FIT_IN_NOISE = 0.9
-"""The same for a load step, whose time and size are fitted too: a wandering load has been explained by 85 %."""
 LIKE_NOISE = 1.3
 """Residuals up to this many standard deviations of the error when quiet are noise."""
 STANDS_OUT = 6.0
-"""Standard deviations of the error when quiet that such a step must reach: coloured noise makes shapes of its own."""
+"""Standard deviations of the error when quiet that a step in noise must reach: coloured noise makes shapes of its own."""
+NOISY = 0.015
+"""Residuals, as a share of PV's range, from which the direct fit's bias outweighs the mismatch of the indirect one."""
 WIDEST_GAIN = 2.0
 """Ratio of the ends of the gain's 95 % interval above which no verdict and no suggestion rests on it."""
 INTEGRALS_AGREE = 0.25
 """Difference in ln gain between fit and integrals that proves nothing: at 3 % of noise it stays below 0.12; a
 disturbance of a quarter of the step brings more, and can bend a fit by a factor of two at a quality of 0.98."""
+MOST_REST_ERROR = 0.3
+"""Error in ln gain from which the integrals are no check: under noise they lose to the drift of OP's rest."""
 MANY_UNCERTAIN = 0.2
 """Share of an event's samples of uncertain quality from which that is said beside its figures."""
 LEAST_LOAD_FIT = 0.5

@@ -118,21 +118,16 @@ class Engine:
         for event, window in found:
             closed = event["what"] == CLOSED
             if event["kind"] != LOAD_STEP:
-                onset = int(event["onset"])
-                loop = self.loops[int(event["loop"])].name
-                state = STATES[event["state"]] if closed else "open"
-                end = int(event["end"]) if closed else None
-                step = float(event["amplitude"])
-                identity = event_id(loop, onset)
+                loop, onset = self.loops[int(event["loop"])].name, int(event["onset"])
                 records.append(
                     Event(
-                        id=identity,
+                        id=event_id(loop, onset),
                         loop=loop,
                         kind=SETPOINT,
-                        state=state,
+                        state=STATES[event["state"]] if closed else "open",
                         start=onset,
-                        end=end,
-                        amplitude=step,
+                        end=int(event["end"]) if closed else None,
+                        amplitude=float(event["amplitude"]),
                     )
                 )
             if closed:
@@ -197,15 +192,7 @@ class Engine:
 
 def _closing(record: Assessment) -> Event:
     """Return the event of a load step that has proved to be one."""
-    return Event(
-        id=record.id,
-        loop=record.loop,
-        kind=record.kind,
-        state=record.state,
-        start=record.start,
-        end=record.end,
-        amplitude=record.amplitude,
-    )
+    return Event(**{name: getattr(record, name) for name in Event.__struct_fields__})
 
 
 def _changed(old: LoopRow, new: LoopRow) -> bool:

@@ -31,7 +31,6 @@ COLUMNS = {
     "overshoot": "overshoot",
 }
 SORTABLE = ("rule", *COLUMNS, "mt", "settling_time")
-PARAMETERS = ("closed_loop_time", "delta", "c", "max_load", "max_deviation")
 
 EPILOG = """\b
 Examples:

@@ -15,12 +15,13 @@ from hypothesis import strategies as st
 from test_identify import make_fit
 from twin import noise_through
 
-from monitor.advise import FURTHEST, STAGE, Advice, Withheld, advise, op_noise, renewed
-from monitor.candidates import unfit
+from monitor.advise import Advice, Withheld, advise, renewed
+from monitor.candidates import FURTHEST, op_noise, unfit
 from monitor.fits import SELF_REGULATING, Fit
 from monitor.loops import CONTROLLERS, OBJECTIVES, Loop
 from monitor.reference import LOAD, SETPOINT, held, model_of, reference_structure, settings_of
 from monitor.region import uncertain_models
+from monitor.stages import STAGE
 from tuners.models import IntegratingModel
 from tuners.robustness import peak_sensitivity
 from tuners.rules import RULES

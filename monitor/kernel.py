@@ -119,8 +119,9 @@ def run(
         _keep(s, time[k], r, pv[k], op[k], auto[k])
         s.blind = s.blind + 1 if held else 0
         _remember(s, i, ring, ring_time, coarse, coarse_time, time[k], r, pv[k], op[k])
-        if s.ringed & (RING - 1) == 0 or s.ringed in {8, 16, 32}:
-            # often at first, then once a turn: a gateway that changes its rate is followed
+        m = s.ringed
+        if m & (RING - 1) == 0 or (m < RING and m >= 8 and m & (m - 1) == 0):
+            # at 8, 16, 32, 64, then once a turn: a gateway that changes its rate is followed
             _follow_rate(s, param[i], ring_time, i)
     return len(time), n
 

@@ -65,6 +65,13 @@ class Detector:
         self.coarse = _grown(self.coarse, n)
         self.coarse_time = _grown(self.coarse_time, n)
 
+    def forget(self, row: int) -> None:
+        """Make a loop's row as new, for another loop; no event of it is open."""
+        for array in (self.state, self.health):
+            array[row] = 0
+        self.state["slot"][row] = -1
+        _fill(self.param[row], Loop(name="-"))
+
     @property
     def per_loop(self) -> dict[str, NDArray[Any]]:
         """What is known of the loops beyond the table: arrays with a row for each."""

@@ -6,6 +6,7 @@ batched: detection works sample by sample, and a loop's assessment rests on that
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import msgspec
@@ -40,6 +41,8 @@ class Engine:
         self.detector = Detector(list(loops))
         self._cases: dict[int, Case] = {}
         self._pending: list[tuple[Any, Array]] = []
+        self._retired: Counter[str] = Counter()
+        """What became of the samples of loops that are watched no more."""
         self.disturbances = 0
         """Suspected load steps that no step explains."""
 
@@ -68,9 +71,7 @@ class Engine:
         events showed stays known; their indices no longer speak for the loop.
         """
         records = self._take(self.detector.flush([row], BY_SETTINGS))
-        own = [(e, w) for e, w in self._pending if e["loop"] == row]
-        self._pending = [(e, w) for e, w in self._pending if e["loop"] != row]
-        records += [record for event, window in own for record in self._assess(event, window)]
+        records += self._assess_own(row)
         self.loops.replace(row, loop)
         case = self._cases.get(row)
         if case is not None:
@@ -82,6 +83,22 @@ class Engine:
         found = self.detector.flush([row], BY_GAP)
         self.detector.state["time"][row] = first
         return self._take(found)
+
+    def retire(self, row: int) -> list[Record]:
+        """Give up a loop; an open event ends. Its row is as new, for whoever takes it next."""
+        records = self._take(self.detector.flush([row], BY_GAP))
+        records += self._assess_own(row)
+        for name in COUNTS:
+            self._retired[name] += int(self.detector.state[name][row])
+        self._cases.pop(row, None)
+        self.detector.forget(row)
+        return records
+
+    def _assess_own(self, row: int) -> list[Record]:
+        """Assess the waiting events of one loop."""
+        own = [(e, w) for e, w in self._pending if e["loop"] == row]
+        self._pending = [(e, w) for e, w in self._pending if e["loop"] != row]
+        return [record for event, window in own for record in self._assess(event, window)]
 
     # -- samples in, records out ------------------------------------------------------------------
 
@@ -187,7 +204,7 @@ class Engine:
 
     def counts(self) -> dict[str, int]:
         """Return what became of all samples, by cause."""
-        return {name: int(self.detector.state[name].sum()) for name in COUNTS}
+        return {name: int(self.detector.state[name].sum()) + self._retired[name] for name in COUNTS}
 
 
 def _closing(record: Assessment) -> Event:

@@ -104,11 +104,13 @@ class LoopTable:
         self.loops: list[Loop] = []
         self.by_name: dict[str, int] = {}
         self.by_key: dict[str, int] = {}
+        self.empty: list[int] = []
+        """Rows of loops that were removed, to be taken by the next that are added."""
         for loop in loops:
             self.add(loop)
 
     def add(self, loop: Loop) -> int:
-        """Append a loop and return its row.
+        """Add a loop and return its row: an empty one, or a new one at the end.
 
         Raises
         ------
@@ -120,9 +122,16 @@ class LoopTable:
         for taken, what in ((self.by_name, loop.name), (self.by_key, loop.key)):
             if what in taken:
                 raise ValueError(f"loop {loop.name!r}: {what!r} is already taken by another loop")
-        self.by_name[loop.name] = self.by_key[loop.key] = len(self.loops)
-        self.loops.append(loop)
-        return len(self.loops) - 1
+        row = self.empty.pop() if self.empty else len(self.loops)
+        self.by_name[loop.name] = self.by_key[loop.key] = row
+        self.loops[row : row + 1] = [loop]
+        return row
+
+    def remove(self, row: int) -> None:
+        """Forget a loop: its row stays where it is, empty, found by no name and no key."""
+        loop = self.loops[row]
+        del self.by_name[loop.name], self.by_key[loop.key]
+        self.empty.append(row)
 
     def replace(self, row: int, loop: Loop) -> None:
         """Put new facts (settings) in place of a loop's; name and key stay."""

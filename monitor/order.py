@@ -118,14 +118,17 @@ class Order:
         """Make room for more loops."""
         if loops <= len(self.state):
             return
-        state = np.zeros(loops, LOOP)
-        state["sp"] = state["op"] = np.nan
-        state["auto"], state["wide"] = 1, -1
-        for name in ("newest", "released", "sp_at", "op_at", "auto_at", "out_at"):
-            state[name] = NEVER
+        state = _new(loops)
         held = np.zeros((loops, HELD + 1), ENTRY)
         state[: len(self.state)], held[: len(self.held)] = self.state, self.held
         self.state, self.held = state, held
+
+    def forget(self, loop: int) -> None:
+        """Make a loop's row as new; room that it has needed stays its own."""
+        self.waiting -= int(self.state["count"][loop])
+        wide = self.state["wide"][loop]
+        self.state[loop] = _new(1)[0]
+        self.state["wide"][loop] = wide
 
     def push(self, entries: NDArray[Any], arrival: float) -> Samples:
         """Take in entries (dtype `ENTRY`) at wall time ``arrival`` [s]; return the samples that are due."""
@@ -161,6 +164,16 @@ class Order:
         self.waiting -= n
         out = np.empty(n, ENTRY)
         return _samples(out[: _release(self.state, self.held, self.wide, rows, out, self._counts)])
+
+
+def _new(loops: int) -> NDArray[Any]:
+    """Return the state of loops of which nothing has come."""
+    state = np.zeros(loops, LOOP)
+    state["sp"] = state["op"] = np.nan
+    state["auto"], state["wide"] = 1, -1
+    for name in ("newest", "released", "sp_at", "op_at", "auto_at", "out_at"):
+        state[name] = NEVER
+    return state
 
 
 def _samples(entries: NDArray[Any]) -> Samples:

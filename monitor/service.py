@@ -80,6 +80,8 @@ NEVER_GOOD = 30
 """Bad samples of a loop without a single good one after which it counts as stale, too."""
 STALE_EVERY = 1.0
 """Between two looks at who has fallen silent [s]."""
+RETIRE_AFTER = 30 * 86_400.0
+"""Time without a good sample after which a loop that has registered itself is given up: a shutdown is shorter [s]."""
 TIDY_EVERY = 60.0
 """Between two looks at what is too old or too much in the store [s]."""
 SNAPSHOT_EVERY = 10.0
@@ -167,6 +169,8 @@ class Service:
         self._next_stale = monotonic()
         self._next_tidy = monotonic() + TIDY_EVERY
         self._stale: set[int] = set()
+        self._registered: dict[int, float] = {}
+        """Loops that are in no table, and when they were first heard."""
         self._latency = 0.0
         self._watched = np.zeros(0, np.bool_)
         self._last = (monotonic(), 0, 0)
@@ -195,7 +199,8 @@ class Service:
         if now >= self._next_stale:
             self._next_stale = now + STALE_EVERY
             self._look_for_silence(now)
-        if now >= self._next_tidy and self.stores:
+        if now >= self._next_tidy:
+            self._retire(now)
             self._tidy(now)
         if now >= self._next_snapshot:
             self._next_snapshot = now + SNAPSHOT_EVERY
@@ -255,14 +260,35 @@ class Service:
 
     def _register(self, name: str, key: str) -> int | None:
         """Watch a loop that is in no table."""
-        if len(self.loops) >= MOST_LOOPS or not 0 < len(name.encode(errors="replace")) <= NAME_BYTES:
+        if len(self.loops.by_name) >= MOST_LOOPS or not 0 < len(name.encode(errors="replace")) <= NAME_BYTES:
             return None
         if not name.isprintable() or "*" in key or "$" in key:  # for a terminal, or a key of many
             return None
         try:
-            return self.loops.add(Loop(name=name, key=key))
+            row = self.loops.add(Loop(name=name, key=key))
         except ValueError:
             return None
+        self._registered[row] = self._monotonic()
+        return row
+
+    def _retire(self, now: float) -> None:
+        """Give up loops that registered themselves and are silent for long: names change, memory is bounded."""
+        arrival = self.order.state["arrival"]
+        for row, since in list(self._registered.items()):
+            if now - max(since, float(arrival[row])) <= RETIRE_AFTER:
+                continue
+            loop = self.loops[row]
+            records = self.engine.retire(row)
+            self._publish(records)
+            self._tell(records)
+            self.order.forget(row)
+            self.decoder.forget(row)
+            self.loops.remove(row)
+            del self._registered[row]
+            for rows in (self._flagged, self._stale):
+                rows.discard(row)
+            self._old_rows.pop(loop.key, None)
+            log.warning("given up after a long silence: %s", plain(loop.name))
 
     def _assess(self, seconds: float) -> list[Record]:
         """Assess closed events for about this long; the rest waits for the next tick."""
@@ -307,7 +333,7 @@ class Service:
         """Remove what is too old from the store, a little at a time."""
         more = False
         try:
-            more = self.store.tidy(self._clock())
+            more = self.stores and self.store.tidy(self._clock())
         except StoreError as error:
             log.debug("store: %s; nothing old is removed", error)  # `_publish` says it where it matters
         self._next_tidy = now + (STALE_EVERY if more else TIDY_EVERY)
@@ -425,10 +451,10 @@ class Service:
         if question.matches(own):
             return [(own, to_json(self.status()))]
         out = []
-        for number, loop in enumerate(self.loops):
-            key = f"{PREFIX}/{loop.key}/status"
+        for loop_key, number in self.loops.by_key.items():
+            key = f"{PREFIX}/{loop_key}/status"
             if question.matches(key):
-                out.append((key, self._current(number, loop)))
+                out.append((key, self._current(number, self.loops[number])))
         return out
 
     def _current(self, number: int, loop: Loop) -> bytes:
@@ -444,11 +470,11 @@ class Service:
         limit = _limit(asked.get("limit"))
         last = question.key.rpartition("/")[2]
         out: list[tuple[str, bytes, str]] = []
-        for loop in self.loops:
-            if not question.matches(f"{PREFIX}/{loop.key}/history/{last}"):
+        for loop_key in self.loops.by_key:
+            if not question.matches(f"{PREFIX}/{loop_key}/history/{last}"):
                 continue
-            for identity, payload in self.store.assessments(loop.key, since, until, limit):
-                key = f"{PREFIX}/{loop.key}/history/{identity}"
+            for identity, payload in self.store.assessments(loop_key, since, until, limit):
+                key = f"{PREFIX}/{loop_key}/history/{identity}"
                 if question.matches(key):
                     out.append((key, payload, JSON_MIME))
             if len(out) >= MOST_ANSWERS:
@@ -472,7 +498,8 @@ class Service:
             counts[name] += getattr(self.order, name)
         now = self._monotonic()
         self._measure(now, ok)
-        verdicts = [self.engine.verdict(k) or WORST_FIRST[-1] for k in range(len(self.loops))]
+        watched = self.loops.by_name.values()
+        verdicts = [self.engine.verdict(k) or WORST_FIRST[-1] for k in watched]
         return {
             "id": self.config.id,
             "time": iso(self._clock()),
@@ -480,7 +507,7 @@ class Service:
             "ready": self.ready,
             "not_ready": [why for why, so in (("store", not self.stores), ("silent", self.silent)) if so],
             "loops": {
-                "total": len(self.loops),
+                "total": len(watched),
                 **{v: verdicts.count(v) for v in WORST_FIRST},
                 "open": int((self.engine.detector.state["slot"] >= 0).sum()),
                 "stale": len(self._stale),
@@ -556,7 +583,7 @@ class Service:
 
     def rows(self) -> list[LoopRow]:
         """Return all loops' rows, worst first."""
-        return sorted((self.row(k) for k in range(len(self.loops))), key=worst_first)
+        return sorted(map(self.row, self.loops.by_name.values()), key=worst_first)
 
     # -- begin and end ------------------------------------------------------------------------------
 

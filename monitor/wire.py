@@ -180,6 +180,12 @@ class Decoder:
             parts.append(np.array(single, ENTRY))
         return self._in_time(_joined(parts), latest)
 
+    def forget(self, row: int) -> None:
+        """Forget where a loop's samples belong: its row is another's from now on."""
+        self.ahead.discard(row)
+        for stream in self._streams.values():
+            stream.names, stream.loops = None, -1
+
     def _refuse(self, cause: str, key: str, error: Exception) -> None:
         self.causes[cause] += 1
         if (cause, key) not in self._complained and len(self._complained) < MOST_KEYS:

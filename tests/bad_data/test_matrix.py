@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from matrix import ROWS
+from matrix import INSTEAD, ROWS
 
 TESTS = Path(__file__).parents[1]
 
@@ -25,6 +25,8 @@ def test_no_row_is_missing() -> None:
     """64 rows, each with its trouble in words and at least one test."""
     assert list(ROWS) == list(range(1, 65))
     assert all(trouble and tests for trouble, tests in ROWS.values())
+    assert set(INSTEAD) <= set(ROWS)
+    assert all(said.endswith(".") for said in INSTEAD.values())
 
 
 @pytest.mark.parametrize("row", ROWS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
+import logging
 import os
 import threading
 import time
@@ -70,6 +71,44 @@ def test_a_name_that_comes_back_goes_on_behind_a_gap(tmp_path: Path) -> None:
     found = both(data, tmp_path)
     assert (found.states, found.row.verdict) == (["settled"], GOOD)
     assert 0.15 < found.row.coverage < 0.25
+
+
+@pytest.mark.parametrize("payload", ["sample", "frame", "tag"])
+def test_a_loop_of_no_table_is_given_up_after_a_month(
+    clean: Outcome, tmp_path: Path, caplog: pytest.LogCaptureFixture, payload: str
+) -> None:
+    """Said once; its row is as new for the next loop, and for itself; loops of the table are never given up."""
+    monitor = Live(tmp_path, [{"name": "TABLE"}, SETTINGS], auto_register=True)
+    parts = [good(650, name="GOES"), good(650, name="TABLE")]
+    data = pd.concat(parts).sort_values("time", kind="stable", ignore_index=True)
+    with caplog.at_level(logging.WARNING, "loopsight"):
+        for single in messages(data, payload):
+            monitor.put(single, 0.5)
+        monitor.wait(29 * 86_400.0)
+        monitor.wait(60.0)
+        assert monitor.status()["loops"]["total"] == 3
+        monitor.wait(86_400.0)
+        monitor.wait(60.0)
+        status = monitor.status()
+    assert status["loops"]["total"] == 2
+    assert status["stale"] == ["TABLE"]
+    assert [m for m in caplog.messages if "GOES" in m] == ["given up after a long silence: GOES"]
+    assert status["samples_ok"] == 1300
+    assert {r.loop for r in monitor.service.rows()} == {NAME, "TABLE"}
+    late = (monitor.now - START * SECOND) // SECOND * SECOND
+    parts = [good(N, name="NEW"), good(N, name="GOES")]
+    data = pd.concat(parts).sort_values("time", kind="stable", ignore_index=True)
+    for single in messages(data.assign(time=data["time"] + late), payload):
+        monitor.put(single, 0.5)
+    assert len(monitor.loops) == 4
+    found = monitor.outcome()
+    monitor.close()
+    found.counted(ok=1300 + 2 * N)
+    for name in ("NEW", "GOES"):
+        mine = [e for e in found.events if e.loop == name and e.start > START * SECOND + late]
+        assert [(e.start - late, e.event, e.iae) for e in mine] == [(clean.event.start, 1, clean.event.iae)]
+        assert found.rows[name].events == 1
+        assert found.rows[name].noise == clean.row.noise
 
 
 @pytest.mark.parametrize("payload", ["sample", "frame", "tag"])

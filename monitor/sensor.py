@@ -25,6 +25,8 @@ FIT, TRIES, FITTING = 0.02, 20.0, 0.95
 By chance, one in 25 fits."""
 LOUD = 1.0
 """Logarithm of a block's variance above the mean logarithm, at most; that of noise has a standard deviation of 0.3."""
+LOUDER = 8
+"""Quiet blocks that are too loud, one after the other, after which the noise is another one, and learnt anew."""
 RESTLESS = 0.1
 """Weight of a block in which an event ran: it counts where there is hardly another."""
 FAR = 500.0
@@ -51,6 +53,7 @@ JITTER = 0.02
 _f, _i = np.float64, np.int64
 FIELDS = [
     *[(n, _f) for n in ("pv_d", "pv_dd", "pv_dt", "pv_q0", "pv_q1", "pv_log", "pv_rho", "pv_known")],
+    ("pv_loud", _f),
     *[(n, _f) for n in ("pv_older", "pv_q2", "pv_rho2")],
     *[
         (n, _f)
@@ -112,6 +115,8 @@ def sense(h, s, dt, sp, pv, op):
                 h.pv_stays += 1.0
                 h.pv_stayed += h.pv_rest
             h.pv_rest = h.all_rest = 0
+        if h.pv_changes == 0.0:
+            h.stuck_time = 0.0  # it has never moved before: what it waited for was a dead time
         h.pv_changes += 1.0
         # one or a few steps of a coarse PV in a row are no line
         coarse = h.pv_tries < TRIES or h.pv_fits >= FITTING * h.pv_tries
@@ -183,6 +188,12 @@ def weigh_noise(h, n, quiet):
     h.pv_q0 = h.pv_q1 = h.pv_q2 = 0.0
     if q0 > 0.0:
         weight = 1.0 if quiet else RESTLESS
+        if np.log(q0) <= clipped(np.log(q0), h.pv_log, h.pv_known):
+            h.pv_loud = 0.0
+        elif quiet:
+            h.pv_loud += 1.0
+        if h.pv_loud >= LOUDER:
+            h.pv_log = h.pv_rho = h.pv_rho2 = h.pv_known = h.pv_loud = 0.0
         h.pv_log += weight * clipped(np.log(q0), h.pv_log, h.pv_known)
         h.pv_known += weight
         h.pv_rho += weight * q1 / q0

@@ -61,6 +61,16 @@ def test_a_frozen_pv_while_the_output_moves(tmp_path: Path) -> None:
     no_settings(found)
 
 
+def test_a_long_dead_time_at_the_start_is_no_frozen_pv(tmp_path: Path) -> None:
+    """Without noise PV has not moved at all when OP does, for 600 samples; one that never moves is frozen."""
+    n, dead = 2000, 600
+    data = simulated(steps(n, (50, 2.0)), noise=0.0, dead=dead, kp=0.2, ti=5000.0, gain=0.005)
+    assert data["pv"].nunique() > 100
+    assert (data["pv"][: 50 + dead] == 50.0).all()
+    assert "stuck_pv" not in both(data, tmp_path).row.flags
+    assert "stuck_pv" in both(data.assign(pv=50.0), tmp_path / "never").row.flags
+
+
 def test_a_loop_at_rest_is_idle_and_not_stuck(tmp_path: Path) -> None:
     """PV, SP and OP all constant: idle, not stuck, not scored."""
     found = both(simulated(steps(1800), noise=0.0), tmp_path)
@@ -275,8 +285,8 @@ def with_manual(n: int, first: int, last: int, bump: float = 0.0) -> pd.DataFram
         {"loop": NAME, "sp": 50.0, "pv": level + 0.004 * k + noise, "op": data["op"].iloc[-1], "auto": False}
     )
     end = float(drift["pv"].iloc[-1])
-    rest = simulated(np.full(n - last, end), seed=3)
-    rest["sp"] += bump
+    rest = simulated(steps(n - last, (1, bump), start=end), seed=3)
+    rest.loc[0, "sp"] = end + bump  # the loop begins to answer in automatic
     out = pd.concat([data.assign(auto=True), drift, rest.assign(auto=True)], ignore_index=True)
     return out.assign(time=START * SECOND + np.arange(n) * SECOND)
 
@@ -324,12 +334,15 @@ def test_manual_without_a_tag(tmp_path: Path, tracking: bool) -> None:
     no_settings(found)
 
 
-@pytest.mark.parametrize("bump", [0.0, 3.0])
+@pytest.mark.parametrize("bump", [0.0, 3.0, -20.0])
 def test_back_to_automatic(tmp_path: Path, bump: float) -> None:
-    """Bumpless or with a bump: a new start from there; no set-point event, nothing for the identification."""
-    found = both(with_manual(1800, 300, 800, bump), tmp_path)
-    assert not [e for e in found.events if e.kind == "setpoint"]
-    assert found.row.new_kp is None
+    """Bumpless or with a bump: a new start from there; no event, nothing for the identification, the time is told."""
+    data = with_manual(4000, 300, 800, bump)
+    assert data["pv"][900:].mean() - data["pv"][799] == pytest.approx(bump, abs=1.0)
+    found = both(data, tmp_path)
+    assert not found.events
+    assert (found.row.events, found.row.gain, found.row.verdict) == (0, None, NOT_ASSESSED)
+    assert found.row.manual == pytest.approx(500 / 4000, abs=0.01)
 
 
 # ---------------------------------------------------------------------------------------------------
@@ -413,6 +426,13 @@ def test_a_drift_over_months_makes_no_series_of_alarms(tmp_path: Path) -> None:
     )
     assert len(found.events) <= 2
     assert found.row.verdict in {GOOD, NOT_ASSESSED, INCONCLUSIVE}
+
+
+def test_quiet_at_first(tmp_path: Path) -> None:
+    """Noise that grows a hundredfold is followed within some blocks."""
+    data = simulated(steps(6000))
+    data.loc[3000:, "pv"] += np.random.default_rng(1).normal(0, 2.0, 3000)
+    assert both(data, tmp_path, payloads=("frame",)).row.noise == pytest.approx(2.0, rel=0.1)
 
 
 def test_constant_at_first(tmp_path: Path) -> None:

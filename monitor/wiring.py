@@ -12,6 +12,10 @@ CLEAR = 500.0
 """Samples without which nothing is said of the wiring."""
 ANSWERS = 0.02
 """Least share of OP's moves that the error and its changes explain; a P, PI or PID controller's are near 1."""
+TOGETHER = 8
+"""Samples in a mean of OP and of the error: an OP that arrives some samples late answers these, if not each sample."""
+BY_CHANCE = 8.0
+"""Over the number of such means: more is explained by chance once in fifty loops."""
 ALIVE = 0.5
 """Least share of samples at which OP moves, for that question."""
 EXACT = 0.9
@@ -42,6 +46,11 @@ FIELDS = [
     *[(n, _f) for n in ("w_n", "w_sp", "w_pv", "w_op", "w_track", "w_units")],
     *[(n, _f) for n in ("w_ee", "w_ed", "w_dd", "w_eo", "w_do", "w_oo")],
     *[(n, _f) for n in ("w_e", "w_d", "w_o")],
+    *[(n, _f) for n in ("m_n", "m_ee", "m_ed", "m_dd", "m_eo", "m_do", "m_oo")],
+    *[
+        (n, _f)
+        for n in ("m_e", "m_d", "m_o", "m_count", "m_sum_e", "m_sum_o", "m_last_e", "m_last_o", "m_known")
+    ],
     *[(n, _f) for n in ("w_moves", "w_move2", "w_rest", "w_move", "w_from", "w_to")],
     ("w_wait", _i),
 ]
@@ -62,6 +71,7 @@ def trace(h, s, e, sp, pv, op):
     h.w_eo += a * c
     h.w_do += b * c
     h.w_oo += c * c
+    _together(h, e, op)
     if o != 0.0:
         h.w_op += 1.0
     if pv != s.pv:
@@ -81,6 +91,31 @@ def trace(h, s, e, sp, pv, op):
             h.w_to = sp
         if pv != s.pv and _rescaled(h, s, sp, pv, o):
             h.w_units += 1.0
+
+
+@jit
+def _together(h, e, op):
+    """Take in the means of some samples: how OP's move, and the error's own and its move, go together."""
+    h.m_count += 1.0
+    h.m_sum_e += e
+    h.m_sum_o += op
+    if h.m_count < TOGETHER:
+        return
+    mean_e, mean_o = h.m_sum_e / TOGETHER, h.m_sum_o / TOGETHER
+    h.m_count = h.m_sum_e = h.m_sum_o = 0.0
+    if h.m_known > 0.0:
+        d, o = mean_e - h.m_last_e, mean_o - h.m_last_o
+        share = min(_trust(h.m_e, mean_e), _trust(h.m_d, d), _trust(h.m_o, o))
+        h.m_e, h.m_d, h.m_o = _usual(h.m_e, mean_e), _usual(h.m_d, d), _usual(h.m_o, o)
+        a, b, c = share * mean_e, share * d, share * o
+        h.m_n += 1.0
+        h.m_ee += a * a
+        h.m_ed += a * b
+        h.m_dd += b * b
+        h.m_eo += a * c
+        h.m_do += b * c
+        h.m_oo += c * c
+    h.m_last_e, h.m_last_o, h.m_known = mean_e, mean_o, 1.0
 
 
 @jit
@@ -117,6 +152,7 @@ def _rescaled(h, s, sp, pv, o):
 def unhook(h):
     """Forget what ran, after a gap or a change of mode."""
     h.w_wait = 0
+    h.m_count = h.m_sum_e = h.m_sum_o = h.m_known = 0.0
 
 
 @jit
@@ -134,6 +170,13 @@ def fade(h):
     h.w_eo *= 0.5
     h.w_do *= 0.5
     h.w_oo *= 0.5
+    h.m_n *= 0.5
+    h.m_ee *= 0.5
+    h.m_ed *= 0.5
+    h.m_dd *= 0.5
+    h.m_eo *= 0.5
+    h.m_do *= 0.5
+    h.m_oo *= 0.5
     h.w_moves *= 0.5
     h.w_move2 *= 0.5
     h.w_rest *= 0.5
@@ -156,13 +199,18 @@ def mapping_of(h: Any) -> bool:
         return False
     if h["w_sp"] > EXACT * n and h["w_pv"] < DEAD * n:
         return True
-    return bool(h["w_op"] > ALIVE * n and h["w_pv"] > ALIVE * n and _explained(h) < ANSWERS)
+    if h["w_op"] <= ALIVE * n or h["w_pv"] <= ALIVE * n or _explained(h, "w") >= ANSWERS:
+        return False
+    means = float(h["m_n"])
+    return means > 0.0 and _explained(h, "m") < max(ANSWERS, BY_CHANCE / means)
 
 
-def _explained(h: Any) -> float:
-    """Return the share of OP's moves that the error and its change explain (least squares, no constant)."""
-    ee, ed, dd = (float(h[n]) for n in ("w_ee", "w_ed", "w_dd"))
-    eo, do, oo = (float(h[n]) for n in ("w_eo", "w_do", "w_oo"))
+def _explained(h: Any, kind: str) -> float:
+    """Return the share of OP's moves that the error and its change explain (least squares, no constant).
+
+    Sample by sample (``w``), or as means of some samples (``m``).
+    """
+    ee, ed, dd, eo, do, oo = (float(h[f"{kind}_{n}"]) for n in ("ee", "ed", "dd", "eo", "do", "oo"))
     det = ee * dd - ed * ed
     if oo <= 0.0 or det <= 1e-12 * ee * dd:
         return 1.0

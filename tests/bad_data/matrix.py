@@ -127,6 +127,7 @@ ROWS: dict[int, tuple[str, tuple[str, ...]]] = {
     36: ("wrong tags", (
         "test_signals.py::test_swapped_tags",
         "test_signals.py::test_an_output_that_belongs_to_another_loop",
+        "test_signals.py::test_an_output_that_arrives_late_is_its_own",
     )),
     37: ("set point missing, ramping", (
         "test_signals.py::test_a_set_point_that_moves_on_and_on_is_no_step",

@@ -248,6 +248,16 @@ def test_an_output_that_belongs_to_another_loop(tmp_path: Path) -> None:
     assert "mapping_suspect" in found.row.flags
 
 
+@pytest.mark.parametrize("late", [1, 2, 3, 5])
+def test_an_output_that_arrives_late_is_its_own(tmp_path: Path, late: int) -> None:
+    """OP stands some samples behind PV, at rest and with steps, as scans and gateways have it: no wrong tag."""
+    for name, sp in (("rest", steps(4000)), ("moves", steps(4000, (1000, 5.0), (2500, -5.0)))):
+        data = simulated(sp, noise=0.1)
+        op = data["op"].shift(late).bfill()
+        found = audit(data.assign(op=op), tmp_path / name)
+        assert "mapping_suspect" not in found.row.flags, name
+
+
 @pytest.mark.parametrize("shape", ["ramp", "staircase", "cascade"])
 def test_a_set_point_that_moves_on_and_on_is_no_step(tmp_path: Path, shape: str) -> None:
     """A ramp, a staircase of one LSB, a master's every move: no set-point step, and not many of them."""

@@ -272,7 +272,7 @@ def _of_cycles(h: Any, period: float, known: dict[str, Any]) -> dict[str, Any]:
     if oscillating:
         out["oscillation_period"] = found.period
         if found.amplitude > RESOLVED * quantum and known.get("saturation", 0.0) < SATURATED:
-            out["stiction"] = stiction_of(h)
+            out["stiction"] = stiction_of(h, found.level)
     return out
 
 

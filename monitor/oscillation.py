@@ -1,6 +1,7 @@
 """Whether a loop oscillates, for how long a time, and how regularly: the autocorrelation of its error, block by block.
 
-The error is averaged over 1, 4, 16, 64 and 256 samples; at each of these levels blocks of 64 averages are freed of
+The error is averaged over 1, about 4, 16, 64 and 256 samples, at any sampling over about the same times, so that its
+period is the same; at each of these levels blocks of 64 averages are freed of
 their trend and give their autocorrelation, as a share of their own variance: one block, one vote. Noise on top only
 touches lag 0, a disturbance that passes touches one block. Averaged over the blocks, the autocorrelation of an
 oscillation swings on without fading (T. Miao, D. E. Seborg, J. Process Control 9 (1999) 253-262; of the crossings of
@@ -17,11 +18,12 @@ from typing import Any
 import numpy as np
 
 from .state import jit
-from .stiction import CAP, ENOUGH, FINE, again, follow, forget, likeness, track
-from .stiction import FIELDS as _WAVES
+from .stiction import CHANCE, FINE, LONG, again, fade, fields, forget, likeness, track
 
 LEVELS = 5
-"""Averages over 1, 4, 16, 64, 256 samples."""
+"""The samples, and averages over four steps of time, each four times the last and near a power of 4 seconds."""
+SAME = 0.2
+"""Relative change of the sample period up to which the levels stay as they are."""
 BLOCK = 64
 """Averages in a block: three cycles of the longest period of a level. 4^3, so that one counter serves all levels."""
 SHORTEST, LONGEST = 4.7, 20.5
@@ -38,9 +40,6 @@ for noise, 1 for a square; below 0.5 for the pulses that steps leave."""
 EVEN = 0.25
 """Least energy of a quarter of a block over the mean quarter's: an oscillation that lasts is everywhere, a
 response that decays is not."""
-FOLLOWED, NOT_YET, SETTLED = 0.12, 0.4, 8
-"""Share of the variance that swings with a cycle from which on its shape is followed; in one block, by how much noise
-seems to swing; blocks after which what swings less is no longer followed."""
 LEAST, UNSURE = 0.25, 0.5
 """Least share of the variance that must swing with the cycle; and by how much noise alone may seem to in one block."""
 FADED = 0.55
@@ -51,11 +50,13 @@ BETWEEN = 0.3
 """And at the next finer level, whose blocks hold one to three cycles."""
 LEAST_CYCLES = 5.0
 """Least number of cycles in all blocks."""
-MANY_ALIKE = 16.0
-"""Cycles that speak for themselves if they are alike, though their autocorrelation fades."""
-SURE, SHARP = 0.5, 0.75
-"""Likeness from which on the mean length of the cycles is the period, unless the autocorrelation is as regular as the
-second (noise may cut a cycle in two, which the autocorrelation does not mind; cycles of many lengths it does)."""
+SMOOTH = 0.2
+"""Autocorrelation at lag 1 below which a level shows noise, and its cycles are not followed: those in sight have 0.7
+times their share of the variance."""
+ECHO = 0.12
+"""Least share of the variance that must swing with cycles that are alike, though their autocorrelation fades."""
+MANY_ALIKE = 12.0
+"""And the least number of them."""
 TELLING, ALTERNATES = 5.0, -0.6
 """Blocks, and autocorrelation at lag 1, from which the sampling is too coarse for what swings; differences of white
 noise have -0.5."""
@@ -65,34 +66,41 @@ HORIZON = 14 * 86400.0
 _f, _s, _i = np.float64, np.float32, np.int64
 FIELDS = [
     ("clock", _f),
+    ("spacing", _f),
+    ("group", _i),
     ("taken", _i),
+    ("filled", _i),
+    ("grouped", _i),
     ("tainted", _i),
     ("carry", _f, (LEVELS,)),
     ("blocks", _f, (LEVELS,)),
     ("votes", _f, (LEVELS,)),
     ("power", _f, (LEVELS,)),
-    ("period_at", _f, (LEVELS,)),
-    ("power_at", _f, (LEVELS,)),
     ("acf", _s, (LEVELS, LAGS)),
     ("block", _s, (LEVELS, BLOCK)),
-    *_WAVES,
+    *fields(LEVELS),
 ]
-"""What is kept of a loop: about 2.3 kB, whatever its period."""
+"""What is kept of a loop: about 3.6 kB, whatever its period."""
 
 
 @jit
-def take(h, e, op, period):
+def take(h, e, op, period):  # noqa: ARG001 (the caller's own signature)
     """Take in one sample."""
-    if h.width > 0:
-        track(h, e, op)
-    n = h.taken
-    h.taken = n + 1
-    for k in range(LEVELS):
-        at = n & (BLOCK - 1)
-        h.block[k, at] = e
-        if at == BLOCK - 1:
-            _weigh(h, k, period)
-            _choose(h, k)
+    if h.taken & (BLOCK - 1) == 0 and abs(period - h.spacing) > SAME * h.spacing:
+        _divide(h, period)
+    _enter(h, 0, h.taken & (BLOCK - 1), e, period)
+    h.taken += 1
+    h.carry[0] += e
+    h.filled += 1
+    if h.filled < h.group:
+        return
+    n = h.grouped
+    h.grouped = n + 1
+    e = h.carry[0] / h.group
+    h.carry[0] = 0.0
+    h.filled = 0
+    for k in range(1, LEVELS):
+        _enter(h, k, n & (BLOCK - 1), e, period)
         h.carry[k] += e
         if n & 3 != 3:
             break
@@ -102,46 +110,48 @@ def take(h, e, op, period):
 
 
 @jit
-def _choose(h, k):
-    """Look for the cycle at a level whose block is full, and follow the loop's strongest one."""
-    n = int(h.votes[k])
-    if n == 0 or (n > SETTLED and n & 7 != 0):  # it costs as much as a few blocks
-        return
-    period, strength, _ = cycle(h.acf[k] / np.float32(h.votes[k]))
-    h.period_at[k] = period * 4.0**k
-    clear = strength >= max(FOLLOWED, NOT_YET / np.sqrt(n)) and _full(h, k)
-    h.power_at[k] = strength * h.power[k] / h.votes[k] if clear else 0.0
-    best = 0
-    for j in range(1, LEVELS):
-        if h.power_at[j] > h.power_at[best]:
-            best = j
-    if h.power_at[best] == 0.0:
-        if n >= SETTLED and h.width > 0:
-            forget(h)
-        return
-    width = 4**best
-    if best > 0 and h.period_at[best] < FINE * width:
-        width //= 4
-    if FINE * h.width <= h.period_at[best] <= 0.7 * CAP * h.width:
-        width = h.width  # two levels see it: stay with the one that has cycles already
-    follow(h, width, h.period_at[best], np.sqrt(2.0 * h.power_at[best]))
+def _enter(h, k, at, e, period):
+    """Take an average into a level."""
+    h.block[k, at] = e
+    if h.acf[k, 1] >= SMOOTH * h.votes[k]:
+        track(h, k, e, at)
+    else:
+        h.wave_at[k] = -1
+    if at == BLOCK - 1:
+        _weigh(h, k, period)
 
 
 @jit
-def _full(h, k):
-    """Whether the error moves throughout at a level and at the next finer one.
+def _divide(h, period):
+    """Lay the levels out for a sample period [s]: at any, they are near powers of 4 s, from two to four samples on."""
+    best = 10.0
+    for many in (4, 3, 2):
+        exponent = np.log(many * period) / np.log(4.0)
+        off = abs(exponent - np.floor(exponent + 0.5))
+        if off < best - 1e-9:
+            best = off
+            h.group = many
+    h.spacing = period
+    h.taken = h.filled = h.grouped = 0
+    h.tainted = 0
+    h.carry[:] = 0.0
+    h.blocks[:] = 0.0
+    h.votes[:] = 0.0
+    h.power[:] = 0.0
+    h.acf[:] = 0.0
+    forget(h)
 
-    What only fills the time once it is averaged is pulses: a load that steps to and fro, answered each time.
-    """
-    if h.votes[k] < MOST_IDLE * h.blocks[k]:
-        return False
-    return k == 0 or h.votes[k - 1] >= BETWEEN * h.blocks[k - 1]
+
+@jit
+def width(h, k):
+    """Return the samples in an average of a level."""
+    return 1.0 if k == 0 else h.group * 4.0 ** (k - 1)
 
 
 @jit
 def restart(h):
     """Begin all blocks anew, after a gap or a change of mode."""
-    h.taken = 0
+    h.taken = h.filled = h.grouped = 0
     h.tainted = 0
     h.clock = 0.0
     again(h)
@@ -162,7 +172,8 @@ def _weigh(h, k, period):
     if h.tainted >> k & 1:
         h.tainted -= 1 << k
         return
-    if h.blocks[k] * BLOCK * 4.0**k * period > HORIZON:
+    if h.blocks[k] * BLOCK * width(h, k) * period > HORIZON:
+        fade(h, k)
         h.blocks[k] *= 0.5
         h.votes[k] *= 0.5
         h.power[k] *= 0.5
@@ -280,9 +291,12 @@ class Oscillation:
     """[s]"""
     regularity: float
     """0 to 1: what is surely left of the autocorrelation after one more period; or, where that is more, how alike
-    the cycles are in amplitude and length (a limit cycle that drifts in period, as that of a sticking valve)."""
+    the cycles are in amplitude and length (a limit cycle that drifts in period, as that of a sticking valve). The
+    period is the autocorrelation's in either case: the mean of uneven cycles depends on the sampling."""
     amplitude: float
     """Of the first harmonic [PV]."""
+    level: int = 0
+    """At which its cycles are seen best."""
 
 
 def strongest(h: Any, period: float) -> Oscillation | None:
@@ -295,32 +309,78 @@ def strongest(h: Any, period: float) -> Oscillation | None:
     period
         Sample period [s].
     """
+    seen = _swings(h, period)
+    alike, at = max((_alike(h, k, seen, period), k) for k in range(LEVELS))
+    if alike == 0.0:
+        return seen
+    if seen is not None:
+        return replace(seen, regularity=max(alike, seen.regularity), level=at)
+    faint = _echo(h, _mean_cycle(h, at, period), period)
+    if faint is None or h["cycles"][at] < MANY_ALIKE:
+        return None
+    return replace(faint, regularity=alike, level=at)
+
+
+def _swings(h: Any, period: float) -> Oscillation | None:
+    """Return the strongest cycle that the autocorrelation shows; ``period``: of the samples [s]."""
     best, found = 0.0, None
     for k in range(LEVELS):
+        if not _full(h, k):
+            continue
         n = float(h["votes"][k])
-        if n < 1.0 or n < MOST_IDLE * h["blocks"][k]:
-            continue
-        if k > 0 and h["votes"][k - 1] < BETWEEN * h["blocks"][k - 1]:
-            continue
         cycled, strength, fading = cycle(h["acf"][k].astype(np.float64) / n)
         if cycled == 0.0 or strength < max(LEAST, UNSURE / math.sqrt(n)) or n * BLOCK < LEAST_CYCLES * cycled:
             continue
         power = strength * float(h["power"][k]) / n
         if power > best:
             regularity = max(fading - FADED / math.sqrt(n), 0.0)
-            best, found = power, Oscillation(cycled * 4.0**k * period, regularity, math.sqrt(2.0 * power))
-    alike, n = likeness(h), float(h["cycles"])
-    if alike == 0.0 or (found is None and n < MANY_ALIKE):
-        return found
-    cycle_time = float(h["length"]) / n * float(h["width"]) * period
-    if found is None:
-        return Oscillation(cycle_time, alike, math.sqrt(float(h["e_shape"][0]) / n))
+            best = power
+            found = Oscillation(cycled * width(h, k) * period, regularity, math.sqrt(2.0 * power), k)
+    return found
+
+
+def _echo(h: Any, cycle_time: float, period: float) -> Oscillation | None:
+    """Return what the autocorrelation shows, however faintly, of cycles of this mean length [s]."""
+    best, found = ECHO, None
+    for k in range(LEVELS):
+        if not _full(h, k):
+            continue
+        n = float(h["votes"][k])
+        cycled, strength, _ = cycle(h["acf"][k].astype(np.float64) / n)
+        seconds = cycled * width(h, k) * period
+        if strength >= best and 0.5 < seconds / cycle_time < 2.0:
+            best = strength
+            found = Oscillation(seconds, 0.0, math.sqrt(2.0 * strength * float(h["power"][k]) / n), k)
+    return found
+
+
+def _alike(h: Any, k: int, seen: Oscillation | None, period: float) -> float:
+    """Return how alike a level's cycles are; 0 where it is not the level to see them."""
+    n = float(h["cycles"][k])
+    if n < 1.0 or not _full(h, k):
+        return 0.0
+    length = float(h["length"][k]) / n
+    if (k > 0 and length < FINE) or length > LONG:
+        return 0.0
     # two thirds to one and a half: the cycles are those that the autocorrelation sees
-    same = n >= ENOUGH and alike >= SURE and 2.0 / 3.0 < cycle_time / found.period < 1.5
-    same = same and found.regularity < SHARP
-    return replace(
-        found, period=cycle_time if same else found.period, regularity=max(alike, found.regularity)
-    )
+    if seen is not None and not 2.0 / 3.0 < _mean_cycle(h, k, period) / seen.period < 1.5:
+        return 0.0
+    return likeness(h, k, CHANCE if seen is None else 0.0)
+
+
+def _mean_cycle(h: Any, k: int, period: float) -> float:
+    """Return the mean length of a level's cycles [s]; ``period``: of the samples [s]."""
+    return float(h["length"][k] / h["cycles"][k] * width(h, k)) * period
+
+
+def _full(h: Any, k: int) -> bool:
+    """Whether the error moves throughout at a level and at the next finer one.
+
+    What only fills the time once it is averaged is pulses: a load that steps to and fro, answered each time.
+    """
+    if h["votes"][k] < max(MOST_IDLE * h["blocks"][k], 1.0):
+        return False
+    return k == 0 or bool(h["votes"][k - 1] >= BETWEEN * h["blocks"][k - 1])
 
 
 def too_fast(h: Any) -> bool:

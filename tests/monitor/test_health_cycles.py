@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -61,6 +63,40 @@ def test_a_sine_is_found_with_its_period(cycle_time, ratio):
     assert found.oscillation_period == pytest.approx(2.0 * cycle_time, rel=0.02)
     assert found.oscillation_regularity is not None
     assert found.oscillation_regularity > 0.75
+
+
+@pytest.mark.parametrize("every", [2, 5, 10])
+@pytest.mark.parametrize("kind", ["sine in noise", "limit cycle"])
+def test_the_period_is_the_same_at_any_sampling(kind, every):
+    """Of a sine in noise of half its amplitude; of a sticking valve in a slow loop, whose cycles are uneven."""
+    if kind == "sine in noise":
+        sp: object = 50.0
+        pv = 50.0 + np.sin(2 * np.pi * np.arange(60_000) / 430) + 0.5 * noise(60_000)
+        op = 100.0 - pv
+    else:
+        slow = Plant("self-regulating", 1.0, 60.0, (160.0,))
+        valve = LoopSpec(
+            "L", slow, Controller(0.8, 160.0), pv0=50.0, op0=50.0, stiction=1.0, load=Steps((10.0,), (3.3,))
+        )
+        block = Simulation([replace(valve, noise=0.05)]).advance(100_000)
+        sp, pv, op = block.sp[::every], block.pv, block.op
+        assert health(block.sp, pv, op).stiction == pytest.approx(1, abs=0.5)
+    reference = health(50.0, pv, op)
+    seen = health(sp, pv[::every], op[::every], float(every))
+    assert reference.oscillation_period is not None
+    assert seen.oscillation_period == pytest.approx(reference.oscillation_period, rel=0.05)
+    assert kind != "sine in noise" or seen.oscillation_period == pytest.approx(430, rel=0.02)
+
+
+def test_a_new_sample_period_begins_anew():
+    """A cycle's length in samples changes with it; nothing of the old is mixed in."""
+    wave = np.sin(2 * np.pi * np.arange(30_000) / 200) + 0.2 * noise(30_000)
+    e = np.concatenate([wave, wave[::5]])
+    time = START + np.concatenate([np.arange(30_000), 30_000 + 5 * np.arange(6000)]) * SECOND
+    detector = Detector([Loop(name="L")])
+    detector.run(Samples.of(0, time, np.full(len(e), 50.0), 50.0 - e, 30.0 + e))
+    found = figures(detector.health[0], detector.state[0])
+    assert found.oscillation_period == pytest.approx(200, rel=0.03)
 
 
 def test_an_oscillation_is_found_after_some_cycles():
@@ -159,6 +195,19 @@ def test_a_sticking_valve_is_told_from_a_sine(plant, seed):
     assert disturbed.oscillation_period == pytest.approx(60, rel=0.02)
     assert disturbed.stiction is not None
     assert disturbed.stiction < 0.2
+
+
+def test_steps_do_not_hide_a_sticking_valve():
+    """Steps of set point and load make a few large cycles among the valve's own."""
+    times = tuple(np.arange(900.0, 7800.0, 530.0))
+    steps = Steps(times, tuple(4.0 * (-1.0) ** i for i in range(len(times))))
+    for seed in range(3):
+        found = simulated(
+            FLOW, stiction=1.0, load=Steps((10.0,), (3.3,)), setpoint=steps, noise=0.04, seed=seed
+        )
+        assert found.oscillating
+        assert found.stiction is not None
+        assert found.stiction > 0.5
 
 
 @pytest.mark.parametrize("shape", ["triangle", "sawtooth", "square", "sine"])

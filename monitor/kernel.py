@@ -420,8 +420,8 @@ def _listen(s, e, pv, op):  # noqa: C901 (a line for each average)
     outside is one whose level or noise has changed: after a while its baseline begins anew.
     """
     known = s.warm > s.learn
-    away = abs(s.short - s.mean_s) > 5.0 * np.sqrt(s.var_s) + 0.5 * s.quantum
-    if known and away:
+    off = abs(s.short - s.mean_s) - 0.5 * s.quantum
+    if known and off > 0.0 and off * off > 25.0 * s.var_s:
         s.away += 1
         s.unrest += 1.0
         # until then it may be a load step in its beginnings: the baseline is still wanted
@@ -437,7 +437,7 @@ def _listen(s, e, pv, op):  # noqa: C901 (a line for each average)
     if s.warm == 1:
         s.mean_e = s.mean_s = s.short = e
         s.abs_e = s.var_e = s.var_s = s.var_d = 0.0
-    w = max(1.0 / s.warm, LONG)
+    w = 1.0 / s.warm if s.warm * LONG < 1.0 else LONG
     # while little is known, one glitch must not pass for the noise
     most = GLITCH * s.abs_e if not known and s.warm > 3 and s.abs_e > 0.0 else np.inf
     d = min(max(e - s.mean_e, -most), most)
@@ -446,8 +446,8 @@ def _listen(s, e, pv, op):  # noqa: C901 (a line for each average)
         s.var_e += w * (d * d - s.var_e)
         s.abs_e += w * (abs(d) - s.abs_e)
     d = s.short - s.mean_s
-    if known:
-        d = min(max(d, -3.0 * np.sqrt(s.var_s)), 3.0 * np.sqrt(s.var_s)) if s.var_s > 0.0 else d
+    if known and d * d > 9.0 * s.var_s > 0.0:
+        d = np.sign(d) * 3.0 * np.sqrt(s.var_s)
     d = min(max(d, -most), most)
     s.mean_s += w * d
     s.var_s += w * (d * d - s.var_s)
@@ -456,7 +456,7 @@ def _listen(s, e, pv, op):  # noqa: C901 (a line for each average)
     if s.warm > 2 and (not known or d * d <= 16.0 * s.var_d or s.var_d == 0.0):
         s.var_d += w * (d * d - s.var_d)
     s.based += 1
-    w = max(1.0 / s.based, BASE)
+    w = 1.0 / s.based if s.based * BASE < 1.0 else BASE
     if s.based == 1:
         s.mean_pv, s.mean_op = pv, op
     s.mean_pv += w * (pv - s.mean_pv)
@@ -489,6 +489,8 @@ def _look(s):
 @jit
 def _suspicious(s):
     """Whether the short average of the error has left its band: a load step, or the plant's weather."""
+    if (s.short - s.mean_s_2) ** 2 <= TRIGGER * TRIGGER * s.var_s_2:
+        return False  # nearly always
     wider = 1.0 + 30.0 / (KNOWN + SNAPSHOT * max(s.looks - 2, 0))
     # without noise the band would be nothing: the last event's tail, below its own settling band, is no load
     least = 0.5 * s.quantum + 2e-3 * abs(s.amplitude) + 1e-9 * abs(s.sp)

@@ -129,7 +129,7 @@ def _usual(usual, x):
     """Return the usual size after ``x``; what is zero tells nothing of it."""
     if x == 0.0:
         return usual
-    return usual + (min(abs(x), GLITCH * usual) - usual) / USUAL if usual > 0.0 else abs(x)
+    return usual + (min(abs(x), GLITCH * usual) - usual) * (1.0 / USUAL) if usual > 0.0 else abs(x)
 
 
 @jit

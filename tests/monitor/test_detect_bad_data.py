@@ -32,7 +32,7 @@ from sim_plants.specs import NEVER, Steps
 
 def state_without_counts(detector: Detector) -> bytes:
     state = detector.state.copy()
-    for name in (*COUNTS, "lates", "late_at"):
+    for name in (*COUNTS, "lates", "late_at", "spoilt"):
         state[name] = 0
     return state.tobytes()
 

@@ -265,6 +265,7 @@ def month(folder: Path, loops: int, stepping: int, minutes: int, days: int = 30)
     plant = Plant(loops, stepping)
     monitor = Live(folder, plant.table)
     monitor.bus = monitor.service.bus = Forgetful()
+    monitor.service._heard = None  # the harness keeps all that it hears
     seen, memory, ticks = 0, [], []
     begun: tuple[int, int] | None = None
     old = None

@@ -49,7 +49,8 @@ LEAST_FIT_AMONG_OTHERS = 0.98
 LIKE_NOISE = 1.3
 """Residuals up to this many standard deviations of the error when quiet are noise."""
 STANDS_OUT = 6.0
-"""Standard deviations of the error when quiet that a step in noise must reach: coloured noise makes shapes of its own."""
+"""Standard deviations of the error when quiet that a step in noise must reach: coloured noise has its own
+shapes."""
 NOISY = 0.015
 """Residuals, as a share of PV's range, from which the direct fit's bias outweighs the mismatch of the indirect one."""
 WIDEST_GAIN = 2.0
@@ -73,6 +74,9 @@ LEAST_PERIODS = 4.0
 """Sample periods that the response must last (IAE per unit of step) before its shape is judged."""
 RESOLVED = 3.0
 """Sample periods that a self-regulating process's T0 must last (an integrator's slope is seen at any rate)."""
+SWINGS, HALFWAY = 3.0, 0.7
+"""Cycles in an event from which it is said that PV swings; times its median size, once PV has arrived, that the error
+must go to either side to be on the other one."""
 TAIL = 4.0
 """Integral times after which an integral action that works has taken away what was left of the error."""
 
@@ -282,7 +286,9 @@ def _against(  # noqa: C901 (one if for each reason)
     if not decided:
         reasons.append("undecided: an integrating and a self-regulating model fit equally well")
     if not _explained(fit, event):
-        reasons.append(f"a model explains only {fit.quality:.0%} of PV's movement: something else moved it")
+        swing = swinging(window, event)
+        why = "something else moved it" if swing is None else swing
+        reasons.append(f"a model explains only {fit.quality:.0%} of PV's movement: {why}")
     if fit.process == SELF_REGULATING and fit.t0 < RESOLVED * event["period"]:
         reasons.append(
             f"sampled too coarsely: T0 = {fit.t0:.3g} s cannot be seen with a sample period of {event['period']:.3g} s"
@@ -317,6 +323,22 @@ def _disagree(gain: float, fit: Fit, rest_error: float) -> bool:
         return True
     sigma = math.hypot(math.sqrt(float(fit.cov[0, 0])), rest_error)
     return abs(math.log(gain / fit.gain)) > max(4.0 * sigma, INTEGRALS_AGREE)
+
+
+def swinging(window: Array, event: Any) -> str | None:
+    """Say how PV swings about the set point after it has first come there; None where it does not, or in noise."""
+    t, e = window[int(event["before"]) :, 0], (window[:, 1] - window[:, 2])[int(event["before"]) :]
+    arrived = int(np.argmax(e * e[0] < 0.0)) if len(e) else 0
+    e = e[arrived:] - np.median(e[arrived:]) if arrived > 0 else e[:0]
+    size = float(np.median(np.abs(e))) if len(e) else 0.0
+    if size < 2.0 * event["noise"] or size == 0.0:
+        return None
+    side = np.where(np.abs(e) > HALFWAY * size, np.sign(e), 0.0)
+    turns = np.flatnonzero(side)[1:][np.diff(side[side != 0.0]) > 0.0] if np.any(side) else np.array([])
+    if len(turns) < SWINGS:
+        return None
+    cycle = float(np.median(np.diff(t[arrived:][turns])))
+    return f"it swings about the set point, every {cycle:.3g} s: too aggressive, or moved by another loop"
 
 
 def _ended(event: Any) -> str:

@@ -220,4 +220,6 @@ def test_the_tanks_get_no_suggestion():
     assert len(steps("quadtank", "data.parquet", "LC-1")) == 3
     assert len(steps("quadtank", "data.parquet", "LC-2")) == 2
     for loop in ("LC-1", "LC-2"):
-        assert row("quadtank", "data.parquet", loop).new_kp is None
+        found = row("quadtank", "data.parquet", loop)
+        assert found.new_kp is None
+        assert "it swings about the set point, every 12" in found.reason

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from .resting import never_moved
-from .sensor import clipped
+from .sensor import LOUDER, clipped
 from .state import jit
 
 LEVELS = 14
@@ -50,13 +50,9 @@ AVERAGES = 32
 
 _f, _s = np.float64, np.float32
 FIELDS = [
-    *[
-        (n, _f)
-        for n in ("op_d", "op_dd", "op_q0", "op_q1", "op_log", "op_rho", "op_known", "op_noise", "op_time")
-    ],
-    *[(n, _f) for n in ("op_grid", "op_clock", "op_sum", "op_count")],
-    ("op_bins", np.int64),
-    ("op_ready", np.int64),
+    *[(n, _f) for n in "op_d op_dd op_q0 op_q1 op_log op_rho op_known op_loud op_noise".split()],
+    *[(n, _f) for n in "op_time op_grid op_clock op_sum op_count".split()],
+    *[(n, np.int64) for n in ("op_bins", "op_ready")],
     *[(n, _f, (LEVELS,)) for n in ("op_last", "op_diff", "op_y", "op_way")],
     *[(n, _s, (LEVELS,)) for n in ("op_diffs", "op_side", "op_since", "op_turns")],
 ]
@@ -98,6 +94,12 @@ def move(h, s, dt, op):
 def _begin(h, period):
     """Lay the grid for another sample period [s], and forget the way so far."""
     h.op_grid = 2.0 ** np.ceil(np.log2(GRID * period))
+    _forget(h)
+
+
+@jit
+def _forget(h):
+    """Forget the way so far: another grid, or another noise."""
     h.op_time = 0.0
     h.op_diff[:] = 0.0
     h.op_diffs[:] = 0.0
@@ -165,6 +167,10 @@ def weigh_moves(h, n):
     h.op_q0 = h.op_q1 = 0.0
     if q0 <= 0.0:
         return
+    h.op_loud = 0.0 if np.log(q0) <= clipped(np.log(q0), h.op_log, h.op_known) else h.op_loud + 1.0
+    if h.op_loud >= LOUDER:  # the noise is another one
+        h.op_log = h.op_rho = h.op_known = h.op_loud = 0.0
+        _forget(h)
     h.op_log += clipped(np.log(q0), h.op_log, h.op_known)
     h.op_known += 1.0
     h.op_rho += q1 / q0

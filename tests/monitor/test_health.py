@@ -210,6 +210,15 @@ def test_travel_of_irregular_swings_near_the_noise_does_not_depend_on_the_sampli
     assert b.reversals_per_hour == pytest.approx(a.reversals_per_hour, rel=0.1)
 
 
+def test_an_output_whose_noise_grows_has_the_new_one():
+    """A hundredfold, halfway."""
+    t = np.arange(40_000)
+    grown = np.where(t < 20_000, 0.02, 2.0)
+    found = health(50.0, 50 + noise(len(t)), 30 + 30 * np.sin(t / 100) + grown * noise(len(t), 1))
+    assert found.op_noise == pytest.approx(2.0, rel=0.1)
+    assert found.travel_per_hour == pytest.approx(120 * 3600 / (200 * np.pi), rel=0.05)
+
+
 def test_travel_is_withheld_where_chance_decides():
     """Swings as large as the noise: none. A single clear move counts, and an output in its noise rests."""
     t = np.arange(40_000)

@@ -1,6 +1,6 @@
 """What a loop's samples say of its health, beside its events: one call a sample, one look at the figures.
 
-`observe` takes in one good sample, compiled, in O(1) memory a loop (about 4 kB); what needs more than a few
+`observe` takes in one good sample, compiled, in O(1) memory a loop (about 5 kB); what needs more than a few
 additions is done in blocks of 64 samples. `figures` reads the sums. Sums are halved every two weeks, so a monitor
 speaks of the recent ones. A figure that the data cannot carry is None.
 """
@@ -165,7 +165,7 @@ class Health:
     reversals_per_hour: float | None = None
     """Turns of that way [1/h]."""
     oscillation_period: float | None = None
-    """[s]; None for a loop that does not oscillate."""
+    """[s]; None for a loop that does not oscillate, or with cycles of all lengths."""
     oscillation_regularity: float | None = None
     """0 to 1, how surely the error swings on and on; from 0.5 on the loop oscillates."""
     stiction: float | None = None
@@ -270,7 +270,7 @@ def _of_cycles(h: Any, period: float, known: dict[str, Any]) -> dict[str, Any]:
     oscillating = found.regularity >= OSCILLATES and found.amplitude > quantum
     out: dict[str, Any] = {"oscillation_regularity": found.regularity, "oscillating": oscillating}
     if oscillating:
-        out["oscillation_period"] = found.period
+        out["oscillation_period"] = None if found.uneven else found.period
         if found.amplitude > RESOLVED * quantum and known.get("saturation", 0.0) < SATURATED:
             out["stiction"] = stiction_of(h, found.level)
     return out

@@ -57,6 +57,8 @@ ECHO = 0.12
 """Least share of the variance that must swing with cycles that are alike, though their autocorrelation fades."""
 MANY_ALIKE = 12.0
 """And the least number of them."""
+APART = 0.2
+"""Difference between the mean length of uneven cycles and the autocorrelation's period above which neither is given."""
 TELLING, ALTERNATES = 5.0, -0.6
 """Blocks, and autocorrelation at lag 1, from which the sampling is too coarse for what swings; differences of white
 noise have -0.5."""
@@ -288,15 +290,16 @@ class Oscillation:
     """The loop's strongest cycle."""
 
     period: float
-    """[s]"""
+    """[s], the autocorrelation's."""
     regularity: float
     """0 to 1: what is surely left of the autocorrelation after one more period; or, where that is more, how alike
-    the cycles are in amplitude and length (a limit cycle that drifts in period, as that of a sticking valve). The
-    period is the autocorrelation's in either case: the mean of uneven cycles depends on the sampling."""
+    the cycles are in amplitude and length (a limit cycle that drifts in period, as that of a sticking valve)."""
     amplitude: float
     """Of the first harmonic [PV]."""
     level: int = 0
     """At which its cycles are seen best."""
+    uneven: bool = False
+    """Whether its cycles are of such lengths that their mean is another than the period: neither is to be relied on."""
 
 
 def strongest(h: Any, period: float) -> Oscillation | None:
@@ -313,8 +316,11 @@ def strongest(h: Any, period: float) -> Oscillation | None:
     alike, at = max((_alike(h, k, seen, period), k) for k in range(LEVELS))
     if alike == 0.0:
         return seen
+    if seen is not None and alike <= seen.regularity:
+        return replace(seen, level=at)
     if seen is not None:
-        return replace(seen, regularity=max(alike, seen.regularity), level=at)
+        uneven = abs(_mean_cycle(h, at, period) / seen.period - 1.0) > APART
+        return replace(seen, regularity=alike, level=at, uneven=uneven)
     faint = _echo(h, _mean_cycle(h, at, period), period)
     if faint is None or h["cycles"][at] < MANY_ALIKE:
         return None

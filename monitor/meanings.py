@@ -46,7 +46,7 @@ MEANINGS: dict[str, Meaning] = {
     ),
     "travel_per_hour": Meaning(
         "OP/h",
-        "Way that OP goes beyond its noise; it wears the valve.",
+        "Way that OP goes in swings that stand out of its noise; it wears the valve.",
         "Much travel at a quiet set point: filter, or a lower gain where the robustness asks for it.",
     ),
     "reversals_per_hour": Meaning(

@@ -29,6 +29,7 @@ from .reference import (
     settings_of,
 )
 from .state import CAUSES, INTERRUPTED, LOAD_STEP, SETPOINT_STEP, SETTLED, STATES
+from .wild import without_wild
 
 LEAST_COVERAGE = 0.8
 """Share of an event's time that must be covered by good samples."""
@@ -110,6 +111,7 @@ def assess_event(loop: Loop, event: Any, window: Array) -> Finding:
         (n, 4) time [s], SP, PV [PV], OP held [OP].
     """
     load = event["kind"] == LOAD_STEP
+    event, window = without_wild(event, window)
     fit, decided = _identify(loop, event, window)
     against = _against(loop, event, window, fit, decided)
     iae = float(event["iae"])

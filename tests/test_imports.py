@@ -50,6 +50,7 @@ CORE = {
         "resting",
         "travel",
         "wiring",
+        "wild",
         "verdict",
         "case",
         "advise",

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from . import harris, oscillation, resting, sensor, travel, wiring
-from .oscillation import BLOCK, HORIZON, restart, strongest, taint, take, too_fast
+from .oscillation import BLOCK, HORIZON, restart, space, strongest, taint, take, too_fast
 from .state import EVENT, QUIET, SETPOINT_STEP, jit
 from .stiction import stiction_of
 
@@ -44,7 +44,7 @@ MOST_MISSED = 3
 """Missed samples that are filled with the last value."""
 
 _f = np.float64
-_TIMES = "wall_time good_time manual_time auto_time since".split()
+_TIMES = "wall_time good_time manual_time auto_time since samples".split()
 _SUMS = "abs_e sum_e mean_n mean_1 mean_2".split()
 HEALTH = np.dtype(
     [
@@ -86,22 +86,26 @@ def observe(h, s, p, time, dt, gap, sp, pv, op, auto):  # noqa: ARG001 (the kern
     wiring.trace(h, s, e, sp, pv, op)
     if sp != s.sp and h.w_sp < CASCADE * h.w_n + 1.0:
         taint(h)
-    period = s.period if s.period > 0.0 else dt
+    if s.period <= 0.0:
+        return
+    space(h, s.period)
+    h.samples += 1.0
     h.clock += dt
-    n = int(h.clock / period + 0.5)
-    h.clock -= n * period
+    n = int(h.clock / h.spacing + 0.5)
+    h.clock -= n * h.spacing
     for _ in range(min(n, MOST_MISSED + 1)):
         clean = h.tainted & 1 == 0
-        take(h, e, op, period)
+        take(h, e)
         if h.taken & (BLOCK - 1) == 0:
-            _block(h, s, clean, BLOCK * period)
+            _block(h, s, clean, BLOCK * h.spacing)
 
 
 @jit
 def _block(h, s, clean, seconds):
     """Do what is done once in 64 samples; ``clean``: the set point has not stepped."""
-    travel.weigh_moves(h, BLOCK)
-    sensor.weigh_noise(h, BLOCK, s.phase <= QUIET)
+    travel.weigh_moves(h, h.samples)
+    sensor.weigh_noise(h, h.samples, s.phase <= QUIET)
+    h.samples = 0.0
     if clean and not (s.phase == EVENT and s.kind == SETPOINT_STEP):
         harris.correlate(h)
         mean = 0.0
@@ -120,7 +124,7 @@ def _block(h, s, clean, seconds):
 def _interrupt(h):
     """Begin anew what must not reach across a gap or a change of mode."""
     restart(h)
-    h.pv_q0 = h.pv_q1 = h.pv_q2 = 0.0
+    h.pv_q0 = h.pv_q1 = h.pv_q2 = h.samples = 0.0
     resting.get_up(h)
     travel.pause(h)
     wiring.unhook(h)
@@ -223,8 +227,8 @@ def figures(h: Any, s: Any, dead_time: float | None = None) -> Health:
     }
     if auto > 0:
         out |= _of_control(h, auto, float(s["period"]))
-        out |= _of_cycles(h, float(s["period"]), out)
-        out["harris"] = _harris(h, float(s["period"]), dead_time, out)
+        out |= _of_cycles(h, out)
+        out["harris"] = _harris(h, float(h["spacing"]), dead_time, out)
     known: dict[str, Any] = {k: v for k, v in out.items() if not isinstance(v, float) or math.isfinite(v)}
     return Health(**known)
 
@@ -261,9 +265,9 @@ def _permanent(h: Any) -> bool:
     return abs(mean) > max(PERMANENT * spread, least) and mean != 0.0
 
 
-def _of_cycles(h: Any, period: float, known: dict[str, Any]) -> dict[str, Any]:
+def _of_cycles(h: Any, known: dict[str, Any]) -> dict[str, Any]:
     """Return oscillation and stiction."""
-    found = strongest(h, period)
+    found = strongest(h)
     if found is None:
         return {"oscillation_regularity": 0.0 if h["blocks"][0] > 0 else None}
     quantum = known["quantum"] or 0.0

@@ -22,8 +22,9 @@ from .stiction import CHANCE, FINE, LONG, again, fade, fields, forget, likeness,
 
 LEVELS = 5
 """The samples, and averages over four steps of time, each four times the last and near a power of 4 seconds."""
-SAME = 0.2
-"""Relative change of the sample period up to which the levels stay as they are."""
+SAME = 2.2
+"""Factor by which the sample period must change for the levels to be laid out anew: one that wanders between two
+values is no new one."""
 BLOCK = 64
 """Averages in a block: three cycles of the longest period of a level. 4^3, so that one counter serves all levels."""
 SHORTEST, LONGEST = 4.7, 20.5
@@ -86,11 +87,16 @@ FIELDS = [
 
 
 @jit
-def take(h, e, op, period):  # noqa: ARG001 (the caller's own signature)
-    """Take in one sample."""
-    if h.taken & (BLOCK - 1) == 0 and abs(period - h.spacing) > SAME * h.spacing:
+def space(h, period):
+    """See that the levels suit the sample period [s]; samples are taken in every ``spacing`` then."""
+    if h.taken & (BLOCK - 1) == 0 and not h.spacing / SAME <= period <= h.spacing * SAME:
         _divide(h, period)
-    _enter(h, 0, h.taken & (BLOCK - 1), e, period)
+
+
+@jit
+def take(h, e):
+    """Take in one sample."""
+    _enter(h, 0, h.taken & (BLOCK - 1), e)
     h.taken += 1
     h.carry[0] += e
     h.filled += 1
@@ -102,7 +108,7 @@ def take(h, e, op, period):  # noqa: ARG001 (the caller's own signature)
     h.carry[0] = 0.0
     h.filled = 0
     for k in range(1, LEVELS):
-        _enter(h, k, n & (BLOCK - 1), e, period)
+        _enter(h, k, n & (BLOCK - 1), e)
         h.carry[k] += e
         if n & 3 != 3:
             break
@@ -112,7 +118,7 @@ def take(h, e, op, period):  # noqa: ARG001 (the caller's own signature)
 
 
 @jit
-def _enter(h, k, at, e, period):
+def _enter(h, k, at, e):
     """Take an average into a level."""
     h.block[k, at] = e
     if h.acf[k, 1] >= SMOOTH * h.votes[k]:
@@ -120,7 +126,7 @@ def _enter(h, k, at, e, period):
     else:
         h.wave_at[k] = -1
     if at == BLOCK - 1:
-        _weigh(h, k, period)
+        _weigh(h, k)
 
 
 @jit
@@ -169,12 +175,12 @@ def taint(h):
 
 
 @jit
-def _weigh(h, k, period):
+def _weigh(h, k):
     """Let a full block vote on its level's autocorrelation."""
     if h.tainted >> k & 1:
         h.tainted -= 1 << k
         return
-    if h.blocks[k] * BLOCK * width(h, k) * period > HORIZON:
+    if h.blocks[k] * BLOCK * width(h, k) * h.spacing > HORIZON:
         fade(h, k)
         h.blocks[k] *= 0.5
         h.votes[k] *= 0.5
@@ -302,33 +308,25 @@ class Oscillation:
     """Whether its cycles are of such lengths that their mean is another than the period: neither is to be relied on."""
 
 
-def strongest(h: Any, period: float) -> Oscillation | None:
-    """Return the loop's strongest cycle, regular or not; None without a block of clean data or without a cycle.
-
-    Parameters
-    ----------
-    h
-        A loop's sums.
-    period
-        Sample period [s].
-    """
-    seen = _swings(h, period)
-    alike, at = max((_alike(h, k, seen, period), k) for k in range(LEVELS))
+def strongest(h: Any) -> Oscillation | None:
+    """Return the strongest cycle of a loop's sums, regular or not; None without a clean block or without a cycle."""
+    seen = _swings(h)
+    alike, at = max((_alike(h, k, seen), k) for k in range(LEVELS))
     if alike == 0.0:
         return seen
     if seen is not None and alike <= seen.regularity:
         return replace(seen, level=at)
     if seen is not None:
-        uneven = abs(_mean_cycle(h, at, period) / seen.period - 1.0) > APART
+        uneven = abs(_mean_cycle(h, at) / seen.period - 1.0) > APART
         return replace(seen, regularity=alike, level=at, uneven=uneven)
-    faint = _echo(h, _mean_cycle(h, at, period), period)
+    faint = _echo(h, _mean_cycle(h, at))
     if faint is None or h["cycles"][at] < MANY_ALIKE:
         return None
     return replace(faint, regularity=alike, level=at)
 
 
-def _swings(h: Any, period: float) -> Oscillation | None:
-    """Return the strongest cycle that the autocorrelation shows; ``period``: of the samples [s]."""
+def _swings(h: Any) -> Oscillation | None:
+    """Return the strongest cycle that the autocorrelation shows."""
     best, found = 0.0, None
     for k in range(LEVELS):
         if not _full(h, k):
@@ -341,11 +339,11 @@ def _swings(h: Any, period: float) -> Oscillation | None:
         if power > best:
             regularity = max(fading - FADED / math.sqrt(n), 0.0)
             best = power
-            found = Oscillation(cycled * width(h, k) * period, regularity, math.sqrt(2.0 * power), k)
+            found = Oscillation(cycled * _seconds(h, k), regularity, math.sqrt(2.0 * power), k)
     return found
 
 
-def _echo(h: Any, cycle_time: float, period: float) -> Oscillation | None:
+def _echo(h: Any, cycle_time: float) -> Oscillation | None:
     """Return what the autocorrelation shows, however faintly, of cycles of this mean length [s]."""
     best, found = ECHO, None
     for k in range(LEVELS):
@@ -353,14 +351,14 @@ def _echo(h: Any, cycle_time: float, period: float) -> Oscillation | None:
             continue
         n = float(h["votes"][k])
         cycled, strength, _ = cycle(h["acf"][k].astype(np.float64) / n)
-        seconds = cycled * width(h, k) * period
+        seconds = cycled * _seconds(h, k)
         if strength >= best and 0.5 < seconds / cycle_time < 2.0:
             best = strength
             found = Oscillation(seconds, 0.0, math.sqrt(2.0 * strength * float(h["power"][k]) / n), k)
     return found
 
 
-def _alike(h: Any, k: int, seen: Oscillation | None, period: float) -> float:
+def _alike(h: Any, k: int, seen: Oscillation | None) -> float:
     """Return how alike a level's cycles are; 0 where it is not the level to see them."""
     n = float(h["cycles"][k])
     if n < 1.0 or not _full(h, k):
@@ -369,14 +367,19 @@ def _alike(h: Any, k: int, seen: Oscillation | None, period: float) -> float:
     if (k > 0 and length < FINE) or length > LONG:
         return 0.0
     # two thirds to one and a half: the cycles are those that the autocorrelation sees
-    if seen is not None and not 2.0 / 3.0 < _mean_cycle(h, k, period) / seen.period < 1.5:
+    if seen is not None and not 2.0 / 3.0 < _mean_cycle(h, k) / seen.period < 1.5:
         return 0.0
     return likeness(h, k, CHANCE if seen is None else 0.0)
 
 
-def _mean_cycle(h: Any, k: int, period: float) -> float:
-    """Return the mean length of a level's cycles [s]; ``period``: of the samples [s]."""
-    return float(h["length"][k] / h["cycles"][k] * width(h, k)) * period
+def _mean_cycle(h: Any, k: int) -> float:
+    """Return the mean length of a level's cycles [s]."""
+    return float(h["length"][k] / h["cycles"][k]) * _seconds(h, k)
+
+
+def _seconds(h: Any, k: int) -> float:
+    """Return the time of an average of a level [s]."""
+    return float(width(h, k) * h["spacing"])
 
 
 def _full(h: Any, k: int) -> bool:

@@ -16,6 +16,8 @@ FAR, STEPS = 10.0, 3.0
 neighbours."""
 ALONE = 5.0
 """How many times further away it must be than its neighbours are from each other, and than others are from theirs."""
+BEGINS = 2
+"""Samples to either side of a load's onset where PV may do what it likes."""
 AROUND = 8
 """Neighbours to either side that are looked at."""
 
@@ -31,6 +33,8 @@ def without_wild(event: Any, window: Array) -> tuple[Any, Array]:
         (n, 4) time [s], SP, PV [PV], OP [OP].
     """
     wild = wild_values(window[:, 2], max(FAR * float(event["noise"]), STEPS * float(event["quantum"])))
+    if event["kind"] == LOAD_STEP:  # how a load begins is not known
+        wild = wild[np.abs(wild - int(event["before"])) > BEGINS]
     if len(wild) == 0:
         return event, window
     clean, mended = window.copy(), event.copy()

@@ -230,6 +230,17 @@ def test_travel_is_withheld_where_chance_decides():
     assert health(50.0, 50 + noise(len(t)), 30 + noise(len(t), 1)).travel_per_hour == 0.0
 
 
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.7])
+def test_a_sample_period_that_wanders_hides_no_oscillation(share):
+    """One second and two, mixed at random: the period that is learnt flips, the cycle stays."""
+    rng = np.random.default_rng(3)
+    t = np.cumsum(np.where(rng.random(40_000) < share, 2, 1))
+    pv = 50 + np.sin(2 * np.pi * t / 60) + 0.05 * rng.normal(size=len(t))
+    found = look(run(samples_of(50.0, pv, 30 - pv, time=t)))
+    assert found.oscillating
+    assert found.oscillation_period == pytest.approx(60, rel=0.02)
+
+
 # -- tags ----------------------------------------------------------------------------------------------
 
 

@@ -222,4 +222,4 @@ def test_the_tanks_get_no_suggestion():
     for loop in ("LC-1", "LC-2"):
         found = row("quadtank", "data.parquet", loop)
         assert found.new_kp is None
-        assert "it swings about the set point, every 12" in found.reason
+        assert "it swings about the set point, about every 1" in found.reason

@@ -140,9 +140,7 @@ def _divide(h, period):
             best = off
             h.group = many
     h.spacing = period
-    h.taken = h.filled = h.grouped = 0
-    h.tainted = 0
-    h.carry[:] = 0.0
+    _empty(h)
     h.blocks[:] = 0.0
     h.votes[:] = 0.0
     h.power[:] = 0.0
@@ -159,12 +157,17 @@ def width(h, k):
 @jit
 def restart(h):
     """Begin all blocks anew, after a gap or a change of mode."""
-    h.taken = h.filled = h.grouped = 0
-    h.tainted = 0
+    _empty(h)
     h.clock = 0.0
     again(h)
-    for k in range(LEVELS):
-        h.carry[k] = 0.0
+
+
+@jit
+def _empty(h):
+    """Forget the blocks and averages that are not full."""
+    h.taken = h.filled = h.grouped = 0
+    h.tainted = 0
+    h.carry[:] = 0.0
 
 
 @jit
@@ -310,7 +313,8 @@ class Oscillation:
 
 def strongest(h: Any) -> Oscillation | None:
     """Return the strongest cycle of a loop's sums, regular or not; None without a clean block or without a cycle."""
-    seen = _swings(h)
+    shown = _shown(h)
+    seen = max((c.found for c in shown if c.clear), key=lambda found: found.amplitude, default=None)
     alike, at = max((_alike(h, k, seen), k) for k in range(LEVELS))
     if alike == 0.0:
         return seen
@@ -319,43 +323,37 @@ def strongest(h: Any) -> Oscillation | None:
     if seen is not None:
         uneven = abs(_mean_cycle(h, at) / seen.period - 1.0) > APART
         return replace(seen, regularity=alike, level=at, uneven=uneven)
-    faint = _echo(h, _mean_cycle(h, at))
-    if faint is None or h["cycles"][at] < MANY_ALIKE:
+    length = _mean_cycle(h, at)
+    echoes = [c for c in shown if c.strength >= ECHO and 0.5 < c.found.period / length < 2.0]
+    if not echoes or h["cycles"][at] < MANY_ALIKE:
         return None
-    return replace(faint, regularity=alike, level=at)
+    return replace(max(echoes, key=lambda c: c.strength).found, regularity=alike, level=at)
 
 
-def _swings(h: Any) -> Oscillation | None:
-    """Return the strongest cycle that the autocorrelation shows."""
-    best, found = 0.0, None
-    for k in range(LEVELS):
-        if not _full(h, k):
-            continue
+@dataclass(frozen=True, slots=True)
+class _Cycle:
+    """What the autocorrelation of a level shows."""
+
+    found: Oscillation
+    strength: float
+    """Share of the variance that swings with it."""
+    clear: bool
+    """Whether that, and the number of cycles, is more than chance."""
+
+
+def _shown(h: Any) -> list[_Cycle]:
+    """Return the cycle that each level's autocorrelation shows, however faintly."""
+    shown = []
+    for k in filter(lambda k: _full(h, k), range(LEVELS)):
         n = float(h["votes"][k])
         cycled, strength, fading = cycle(h["acf"][k].astype(np.float64) / n)
-        if cycled == 0.0 or strength < max(LEAST, UNSURE / math.sqrt(n)) or n * BLOCK < LEAST_CYCLES * cycled:
+        if cycled == 0.0 or strength <= 0.0:
             continue
-        power = strength * float(h["power"][k]) / n
-        if power > best:
-            regularity = max(fading - FADED / math.sqrt(n), 0.0)
-            best = power
-            found = Oscillation(cycled * _seconds(h, k), regularity, math.sqrt(2.0 * power), k)
-    return found
-
-
-def _echo(h: Any, cycle_time: float) -> Oscillation | None:
-    """Return what the autocorrelation shows, however faintly, of cycles of this mean length [s]."""
-    best, found = ECHO, None
-    for k in range(LEVELS):
-        if not _full(h, k):
-            continue
-        n = float(h["votes"][k])
-        cycled, strength, _ = cycle(h["acf"][k].astype(np.float64) / n)
-        seconds = cycled * _seconds(h, k)
-        if strength >= best and 0.5 < seconds / cycle_time < 2.0:
-            best = strength
-            found = Oscillation(seconds, 0.0, math.sqrt(2.0 * strength * float(h["power"][k]) / n), k)
-    return found
+        regularity = max(fading - FADED / math.sqrt(n), 0.0)
+        amplitude = math.sqrt(2.0 * strength * float(h["power"][k]) / n)
+        clear = strength >= max(LEAST, UNSURE / math.sqrt(n)) and n * BLOCK >= LEAST_CYCLES * cycled
+        shown.append(_Cycle(Oscillation(cycled * _seconds(h, k), regularity, amplitude, k), strength, clear))
+    return shown
 
 
 def _alike(h: Any, k: int, seen: Oscillation | None) -> float:

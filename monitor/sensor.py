@@ -188,13 +188,11 @@ def weigh_noise(h, n, quiet):
     h.pv_q0 = h.pv_q1 = h.pv_q2 = 0.0
     if q0 > 0.0:
         weight = 1.0 if quiet else RESTLESS
-        if np.log(q0) <= clipped(np.log(q0), h.pv_log, h.pv_known):
-            h.pv_loud = 0.0
-        elif quiet:
-            h.pv_loud += 1.0
+        loudness = np.log(q0)
+        h.pv_loud = run_of_loud(h.pv_loud, loudness, h.pv_log, h.pv_known, quiet)
         if h.pv_loud >= LOUDER:
             h.pv_log = h.pv_rho = h.pv_rho2 = h.pv_known = h.pv_loud = 0.0
-        h.pv_log += weight * clipped(np.log(q0), h.pv_log, h.pv_known)
+        h.pv_log += weight * clipped(loudness, h.pv_log, h.pv_known)
         h.pv_known += weight
         h.pv_rho += weight * q1 / q0
         h.pv_rho2 += weight * q2 / q0
@@ -204,6 +202,14 @@ def weigh_noise(h, n, quiet):
 def clipped(value, total, n):
     """Cut what lies far above the mean so far: a block with a step in it."""
     return min(value, total / n + LOUD) if n >= 1.0 else value
+
+
+@jit
+def run_of_loud(run, value, total, n, counts):
+    """Return how many blocks in a row were cut, this one too; one that does not count ends no run."""
+    if value <= clipped(value, total, n):
+        return 0.0
+    return run + 1.0 if counts else run
 
 
 @jit

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from .resting import never_moved
-from .sensor import LOUDER, clipped
+from .sensor import LOUDER, clipped, run_of_loud
 from .state import jit
 
 LEVELS = 14
@@ -167,11 +167,12 @@ def weigh_moves(h, n):
     h.op_q0 = h.op_q1 = 0.0
     if q0 <= 0.0:
         return
-    h.op_loud = 0.0 if np.log(q0) <= clipped(np.log(q0), h.op_log, h.op_known) else h.op_loud + 1.0
+    loudness = np.log(q0)
+    h.op_loud = run_of_loud(h.op_loud, loudness, h.op_log, h.op_known, counts=True)
     if h.op_loud >= LOUDER:  # the noise is another one
         h.op_log = h.op_rho = h.op_known = h.op_loud = 0.0
         _forget(h)
-    h.op_log += clipped(np.log(q0), h.op_log, h.op_known)
+    h.op_log += clipped(loudness, h.op_log, h.op_known)
     h.op_known += 1.0
     h.op_rho += q1 / q0
     white = max(-h.op_rho / h.op_known, 0.0) * np.exp(h.op_log / h.op_known)

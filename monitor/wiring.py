@@ -44,16 +44,15 @@ STAYED = 0.5
 _f, _i = np.float64, np.int64
 FIELDS = [
     *[(n, _f) for n in ("w_n", "w_sp", "w_pv", "w_op", "w_track", "w_units")],
-    *[(n, _f) for n in ("w_ee", "w_ed", "w_dd", "w_eo", "w_do", "w_oo")],
-    *[(n, _f) for n in ("w_e", "w_d", "w_o")],
-    *[(n, _f) for n in ("m_n", "m_ee", "m_ed", "m_dd", "m_eo", "m_do", "m_oo")],
-    *[
-        (n, _f)
-        for n in ("m_e", "m_d", "m_o", "m_count", "m_sum_e", "m_sum_o", "m_last_e", "m_last_o", "m_known")
-    ],
+    ("w_usual", _f, (2, 3)),
+    ("w_squares", _f, (2, 6)),
+    *[(n, _f) for n in ("m_n", "m_count", "m_sum_e", "m_sum_o", "m_last_e", "m_last_o", "m_known")],
     *[(n, _f) for n in ("w_moves", "w_move2", "w_rest", "w_move", "w_from", "w_to")],
     ("w_wait", _i),
 ]
+"""What is kept. ``w_usual``, ``w_squares``: of each sample and of means of some, the usual sizes of the error, its
+change and OP's move, and their products: e e, e d, d d, e o, d o, o o."""
+EACH, MEANS = 0, 1
 
 
 @jit
@@ -61,16 +60,7 @@ def trace(h, s, e, sp, pv, op):
     """Take in one sample in automatic."""
     h.w_n += 1.0
     d, o = e - (s.sp - s.pv), op - s.op
-    # scaled as one, so that what the controller makes of them stays the same
-    share = min(_trust(h.w_e, e), _trust(h.w_d, d), _trust(h.w_o, o))
-    h.w_e, h.w_d, h.w_o = _usual(h.w_e, e), _usual(h.w_d, d), _usual(h.w_o, o)
-    a, b, c = share * e, share * d, share * o
-    h.w_ee += a * a
-    h.w_ed += a * b
-    h.w_dd += b * b
-    h.w_eo += a * c
-    h.w_do += b * c
-    h.w_oo += c * c
+    _add(h.w_usual[EACH], h.w_squares[EACH], e, d, o)
     _together(h, e, op)
     if o != 0.0:
         h.w_op += 1.0
@@ -104,18 +94,24 @@ def _together(h, e, op):
     mean_e, mean_o = h.m_sum_e / TOGETHER, h.m_sum_o / TOGETHER
     h.m_count = h.m_sum_e = h.m_sum_o = 0.0
     if h.m_known > 0.0:
-        d, o = mean_e - h.m_last_e, mean_o - h.m_last_o
-        share = min(_trust(h.m_e, mean_e), _trust(h.m_d, d), _trust(h.m_o, o))
-        h.m_e, h.m_d, h.m_o = _usual(h.m_e, mean_e), _usual(h.m_d, d), _usual(h.m_o, o)
-        a, b, c = share * mean_e, share * d, share * o
         h.m_n += 1.0
-        h.m_ee += a * a
-        h.m_ed += a * b
-        h.m_dd += b * b
-        h.m_eo += a * c
-        h.m_do += b * c
-        h.m_oo += c * c
+        _add(h.w_usual[MEANS], h.w_squares[MEANS], mean_e, mean_e - h.m_last_e, mean_o - h.m_last_o)
     h.m_last_e, h.m_last_o, h.m_known = mean_e, mean_o, 1.0
+
+
+@jit
+def _add(usual, squares, e, d, o):
+    """Add the products of the error, its change and OP's move to their sums."""
+    # scaled as one, so that what the controller makes of them stays the same
+    share = min(_trust(usual[0], e), _trust(usual[1], d), _trust(usual[2], o))
+    usual[0], usual[1], usual[2] = _usual(usual[0], e), _usual(usual[1], d), _usual(usual[2], o)
+    a, b, c = share * e, share * d, share * o
+    squares[0] += a * a
+    squares[1] += a * b
+    squares[2] += b * b
+    squares[3] += a * c
+    squares[4] += b * c
+    squares[5] += c * c
 
 
 @jit
@@ -138,7 +134,7 @@ def _rescaled(h, s, sp, pv, o):
     if s.sp == 0.0 or s.pv == 0.0:
         return False
     a, b = sp / s.sp, pv / s.pv
-    usual = h.w_oo / h.w_n
+    usual = h.w_squares[EACH, 5] / h.w_n
     return (
         a > 0.0
         and (a > FACTOR or a < 1.0 / FACTOR)
@@ -164,19 +160,10 @@ def fade(h):
     h.w_op *= 0.5
     h.w_track *= 0.5
     h.w_units *= 0.5
-    h.w_ee *= 0.5
-    h.w_ed *= 0.5
-    h.w_dd *= 0.5
-    h.w_eo *= 0.5
-    h.w_do *= 0.5
-    h.w_oo *= 0.5
     h.m_n *= 0.5
-    h.m_ee *= 0.5
-    h.m_ed *= 0.5
-    h.m_dd *= 0.5
-    h.m_eo *= 0.5
-    h.m_do *= 0.5
-    h.m_oo *= 0.5
+    for k in range(6):
+        h.w_squares[EACH, k] *= 0.5
+        h.w_squares[MEANS, k] *= 0.5
     h.w_moves *= 0.5
     h.w_move2 *= 0.5
     h.w_rest *= 0.5
@@ -199,18 +186,15 @@ def mapping_of(h: Any) -> bool:
         return False
     if h["w_sp"] > EXACT * n and h["w_pv"] < DEAD * n:
         return True
-    if h["w_op"] <= ALIVE * n or h["w_pv"] <= ALIVE * n or _explained(h, "w") >= ANSWERS:
+    if h["w_op"] <= ALIVE * n or h["w_pv"] <= ALIVE * n or _explained(h["w_squares"][EACH]) >= ANSWERS:
         return False
     means = float(h["m_n"])
-    return means > 0.0 and _explained(h, "m") < max(ANSWERS, BY_CHANCE / means)
+    return means > 0.0 and _explained(h["w_squares"][MEANS]) < max(ANSWERS, BY_CHANCE / means)
 
 
-def _explained(h: Any, kind: str) -> float:
-    """Return the share of OP's moves that the error and its change explain (least squares, no constant).
-
-    Sample by sample (``w``), or as means of some samples (``m``).
-    """
-    ee, ed, dd, eo, do, oo = (float(h[f"{kind}_{n}"]) for n in ("ee", "ed", "dd", "eo", "do", "oo"))
+def _explained(squares: Any) -> float:
+    """Return the share of OP's moves that the error and its change explain (least squares, no constant)."""
+    ee, ed, dd, eo, do, oo = map(float, squares)
     det = ee * dd - ed * ed
     if oo <= 0.0 or det <= 1e-12 * ee * dd:
         return 1.0

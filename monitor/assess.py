@@ -289,7 +289,7 @@ def _against(  # noqa: C901 (one if for each reason)
     if not decided:
         reasons.append("undecided: an integrating and a self-regulating model fit equally well")
     if not _explained(fit, event):
-        why = ", and ".join(filter(None, ["something else moved it", swinging(window, event)]))
+        why = ", and ".join(filter(None, ["something else moved it", _swinging(window, event)]))
         reasons.append(f"a model explains only {fit.quality:.0%} of PV's movement: {why}")
     if fit.process == SELF_REGULATING and fit.t0 < RESOLVED * event["period"]:
         reasons.append(
@@ -327,7 +327,7 @@ def _disagree(gain: float, fit: Fit, rest_error: float) -> bool:
     return abs(math.log(gain / fit.gain)) > max(4.0 * sigma, INTEGRALS_AGREE)
 
 
-def swinging(window: Array, event: Any) -> str | None:
+def _swinging(window: Array, event: Any) -> str | None:
     """Say how PV swings about the set point after it has first come there; None where it does not, or in noise."""
     t, e = window[int(event["before"]) :, 0], (window[:, 1] - window[:, 2])[int(event["before"]) :]
     arrived = int(np.argmax(e * e[0] < 0.0)) if len(e) else 0

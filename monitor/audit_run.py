@@ -251,6 +251,7 @@ class Audit:
         return [f"no loop of the table is in the data; the table has {have or 'none'}, ..."]
 
     def _about(self, tally: Tally, counts: dict[str, Any]) -> dict[str, Any]:
+        first, newest = self._reach()
         return {
             "schema": SCHEMA,
             "versions": {"loopsight": self.version},
@@ -267,8 +268,8 @@ class Audit:
             "times_without_zone": sorted(s.name for s in self.sources if s.clock.naive),
             "inputs": self._inputs(tally),
             "counts": counts,
-            "first_sample": _iso(self._reach()[0]),
-            "newest_sample": _iso(self._reach()[1]),
+            "first_sample": _iso(first),
+            "newest_sample": _iso(newest),
             "text_in_values": {"count": tally.bad_texts, "most_frequent": _most_frequent(tally.texts)},
             "quality_not_good": _most_frequent(tally.qualities),
             "times_unreadable": sorted(tally.times)[:MOST_LISTED],

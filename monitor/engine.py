@@ -70,8 +70,7 @@ class Engine:
         An open event is closed first, and judged by the settings under which it ran. The process that past
         events showed stays known; their indices no longer speak for the loop.
         """
-        records = self._take(self.detector.flush([row], BY_SETTINGS))
-        records += self._assess_own(row)
+        records = self._finish(row, BY_SETTINGS)
         self.loops.replace(row, loop)
         case = self._cases.get(row)
         if case is not None:
@@ -86,19 +85,19 @@ class Engine:
 
     def retire(self, row: int) -> list[Record]:
         """Give up a loop; an open event ends. Its row is as new, for whoever takes it next."""
-        records = self._take(self.detector.flush([row], BY_GAP))
-        records += self._assess_own(row)
+        records = self._finish(row, BY_GAP)
         for name in COUNTS:
             self._retired[name] += int(self.detector.state[name][row])
         self._cases.pop(row, None)
         self.detector.forget(row)
         return records
 
-    def _assess_own(self, row: int) -> list[Record]:
-        """Assess the waiting events of one loop."""
+    def _finish(self, row: int, cause: int) -> list[Record]:
+        """End a loop's open event, and assess those that wait."""
+        records = self._take(self.detector.flush([row], cause))
         own = [(e, w) for e, w in self._pending if e["loop"] == row]
         self._pending = [(e, w) for e, w in self._pending if e["loop"] != row]
-        return [record for event, window in own for record in self._assess(event, window)]
+        return records + [record for event, window in own for record in self._assess(event, window)]
 
     # -- samples in, records out ------------------------------------------------------------------
 

@@ -61,7 +61,7 @@ HEALTH = np.dtype(
 
 
 @jit
-def observe(h, s, p, time, dt, gap, sp, pv, op, auto):  # noqa: ARG001 (the kernel's own signature)
+def observe(h, s, p, dt, gap, sp, pv, op, auto):
     """Account for one good sample and the time ``dt`` [s] since the last; ``s`` still holds the last sample."""
     h.wall_time += dt
     sensor.interval(h, dt)

@@ -189,7 +189,7 @@ def _step(s, h, p, time, sp, pv, op, auto):
     back = time < s.time
     dt = 0.0 if back else (time - s.time) * 1e-9
     gap = back or (s.period > 0 and dt > MAX_GAP * s.period) or (s.blind > BLIND and sp != s.sp)
-    observe(h, s, p, time, dt, gap, sp, pv, op, auto)
+    observe(h, s, p, dt, gap, sp, pv, op, auto)
     if gap or s.gaps > 0:
         _count_gaps(s, time, dt, gap, back)
     if gap or not auto or not s.auto or (sp != s.held and _other_units(s, sp, pv)):

@@ -83,21 +83,20 @@ class OpenEvents:
         rows = np.array(
             [row_of(str(n), str(k)) for n, k in zip(found.names, found.keys, strict=True)], np.int64
         )
-        state = found.arrays.get("state", np.zeros(0))
-        if "onset" in (state.dtype.names or ()) and len(state) == len(rows):
-            onsets = state["onset"]
-            over = [
-                is_over(event_id(str(n), int(onset))) for n, onset in zip(found.names, onsets, strict=True)
-            ]
-            rows[over] = -1
         engine.follow()
         order.grow(len(engine.loops))
-        if not put_back(found, rows, engine.detector, order, arrival):
+        if not fits(found, engine.detector, order):
+            log.warning("open events of the last run are another version's; they are not taken up again")
             return set()
-        rows = rows[rows >= 0]
-        log.warning("%d open events are taken up again after %.0f s", len(rows), (now - found.time) * 1e-9)
-        begun = engine.detector.state["onset"]
-        return {event_id(engine.loops[int(k)].name, int(begun[k])) for k in rows}
+        onsets = found.arrays["state"]["onset"]
+        ids = [event_id(str(n), int(onset)) for n, onset in zip(found.names, onsets, strict=True)]
+        rows[[is_over(identity) for identity in ids]] = -1
+        put_back(found, rows, engine.detector, order, arrival)
+        going_on = {identity for identity, row in zip(ids, rows, strict=True) if row >= 0}
+        log.warning(
+            "%d open events are taken up again after %.0f s", len(going_on), (now - found.time) * 1e-9
+        )
+        return going_on
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,10 +153,20 @@ def read(path: Path) -> Snapshot | None:
     return Snapshot(names, keys, time, arrays)
 
 
+def fits(snapshot: Snapshot, detector: Detector, order: Order) -> bool:
+    """Whether a snapshot's layout is that of this version."""
+    arrays, n = snapshot.arrays, len(snapshot.names)
+    expected = {**detector.per_loop, "window": detector.slab, "order": order.state, "held": order.held}
+    return all(
+        name in arrays and arrays[name].dtype == array.dtype and arrays[name].shape == (n, *array.shape[1:])
+        for name, array in expected.items()
+    )
+
+
 def put_back(
     snapshot: Snapshot, rows: NDArray[np.int64], detector: Detector, order: Order, arrival: float
-) -> bool:
-    """Take up the snapshot's loops again, as ``rows`` of the table; False where its layout is another version's.
+) -> None:
+    """Take up the loops of a snapshot that fits again, as ``rows`` of the table.
 
     Parameters
     ----------
@@ -167,20 +176,10 @@ def put_back(
         Monotonic time [s]: since then they have sent nothing.
     """
     arrays = snapshot.arrays
-    expected = {**detector.per_loop, "window": detector.slab, "order": order.state, "held": order.held}
-    if not all(
-        name in arrays
-        and arrays[name].dtype == array.dtype
-        and arrays[name].shape == (len(rows), *array.shape[1:])
-        for name, array in expected.items()
-    ):
-        log.warning("open events of the last run are another version's; they are not taken up again")
-        return False
     for k in np.flatnonzero(rows >= 0):
         row = int(rows[k])
         detector.adopt(row, {name: arrays[name][k] for name in detector.per_loop}, arrays["window"][k])
         _order_back(order, row, arrays["order"][k], arrays["held"][k], arrival)
-    return True
 
 
 def _order_back(order: Order, row: int, state: Any, held: NDArray[Any], arrival: float) -> None:

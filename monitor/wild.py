@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .fits import Array
 from .state import LOAD_STEP
-
-Array = NDArray[np.float64]
 
 FAR, STEPS = 10.0, 3.0
 """Standard deviations of PV's noise, and steps of a coarse PV, by which such a value must stand out of both its

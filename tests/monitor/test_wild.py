@@ -19,16 +19,11 @@ N = 1000
 
 def load_step(wild: float, at: int, noise: float = 0.05):
     """PV and OP of an integrator whose load steps by 5 at 500 s, with one wild value that the controller sees, too."""
-    rng = np.random.default_rng(1)
-    y = integral = 0.0
-    past, pv, op = [0.0] * 5, np.empty(N), np.empty(N)
-    for k in range(N):
-        pv[k] = 50 + y + noise * rng.normal() + wild * (k == at)
-        integral += 0.05 * (50 - pv[k])
-        op[k] = 50 + 2 * (50 - pv[k]) + integral
-        past.append(op[k] - 50 + 5.0 * (k >= 500))
-        y += 0.05 * past[-5]
-    return np.full(N, 50.0), pv, op
+    sp = np.full(N, 50.0)
+    pv, op = pi_loop(
+        sp, noise=noise, seed=1, disturb=lambda k, pv: pv + wild * (k == at), load=lambda k: 5.0 * (k >= 500)
+    )
+    return sp, pv, op
 
 
 def setpoint_step(wild: float, at: int, noise: float = 0.05):

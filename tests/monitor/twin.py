@@ -165,8 +165,12 @@ def pi_loop(
     seed: int = 0,
     op0: float = 50.0,
     disturb: Callable[[int, float], float] = lambda _k, pv: pv,
+    load: Callable[[int], float] = lambda _k: 0.0,
 ) -> tuple[Array, Array]:
-    """PV and OP of an integrator with ``dead`` samples of dead time under PI, 1 s a sample, starting at rest."""
+    """PV and OP of an integrator with ``dead`` samples of dead time under PI, 1 s a sample, starting at rest.
+
+    ``disturb`` is done to PV as the controller sees it, ``load`` [OP] is added to what goes into the process.
+    """
     rng = np.random.default_rng(seed)
     y = integral = 0.0
     past = [0.0] * (dead + 1)
@@ -176,7 +180,7 @@ def pi_loop(
         e = sp[k] - pv[k]
         integral += kp / ti * e
         op[k] = op0 + kp * e + integral
-        past.append(op[k] - op0)
+        past.append(op[k] - op0 + load(k))
         y += gain * past[-dead - 1]
     return pv, op
 

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from .adapters.historian import Source
-    from .adapters.rows import Tally
-    from .loops import LoopTable
-    from .samples import Samples
+    from monitor.adapters.historian.rows import Tally
+    from monitor.adapters.historian.source import Source
+    from monitor.contract.loops import LoopTable
+    from monitor.contract.samples import Samples
 
 MOST = 50
 """Problems of one kind in one file that are named; the rest is counted."""
@@ -64,21 +64,21 @@ def check_file(path: Path, tz: str | None = None, time_unit: str | None = None) 
 
 
 def _config(path: Path) -> Finding:
-    from .config import problems  # noqa: PLC0415
+    from monitor.service.config import problems  # noqa: PLC0415
 
     return Finding("configuration", problems(path))
 
 
 def _has_names(path: Path) -> bool:
     """Whether the file is a loop table: a column ``name``, and no time."""
-    from .adapters.historian import headings  # noqa: PLC0415 (pyarrow)
+    from monitor.adapters.historian.source import headings  # noqa: PLC0415 (pyarrow)
 
     found = {h.lower() for h in headings(path)}
     return "name" in found and "time" not in found
 
 
 def _table(path: Path) -> Finding:
-    from .loops import LoopTableError, read_loop_table  # noqa: PLC0415
+    from monitor.contract.loops import LoopTableError, read_loop_table  # noqa: PLC0415
 
     try:
         table = read_loop_table(path)
@@ -93,7 +93,7 @@ def _unused(path: Path, table: LoopTable) -> list[str]:
     ruled = [loop for loop in table if loop.rule]
     if not ruled:
         return []
-    from .candidates import unfit  # noqa: PLC0415 (compiles: only where a rule is named)
+    from monitor.advise.candidates import unfit  # noqa: PLC0415 (compiles: only where a rule is named)
 
     wrong = [(loop, why) for loop in ruled if (why := unfit(loop, loop.process))]
     return [f"{path}: loop {loop.name}: rule: {loop.rule!r} is not used: {why}" for loop, why in wrong]
@@ -101,10 +101,10 @@ def _unused(path: Path, table: LoopTable) -> list[str]:
 
 def _data(path: Path, tz: str | None, time_unit: str | None) -> Finding:
     """Read all of a data file as the audit would."""
-    from .adapters.historian import inspect, scan  # noqa: PLC0415 (pyarrow)
-    from .adapters.merge import OutOfOrderError, Span, in_order, sorted_samples  # noqa: PLC0415
-    from .adapters.rows import Tally, UnusableError  # noqa: PLC0415
-    from .adapters.times import zone_of  # noqa: PLC0415
+    from monitor.adapters.historian.clock import zone_of  # noqa: PLC0415
+    from monitor.adapters.historian.merge import OutOfOrderError, Span, in_order, sorted_samples  # noqa: PLC0415
+    from monitor.adapters.historian.rows import Tally, UnusableError  # noqa: PLC0415
+    from monitor.adapters.historian.source import inspect, scan  # noqa: PLC0415 (pyarrow)
 
     span = Span(zone=zone_of(tz or "UTC"))
     try:
@@ -173,7 +173,7 @@ def _notes(source: Source, tally: Tally, tz: str | None) -> str:
 
 
 def _names_wrong(path: Path, names: list[str]) -> list[str]:
-    from .loops import parse_row  # noqa: PLC0415
+    from monitor.contract.loops import parse_row  # noqa: PLC0415
 
     wrong = []
     for name in names:

@@ -12,19 +12,19 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from .assess import Finding, assess_event
-from .case import Case
-from .detect import Detector
-from .fits import Array
-from .health import figures
-from .identify import model_response
-from .loops import Loop, LoopTable
-from .records import Assessment, Event, LoopRow, Record, Suggestion, Window, event_id
-from .reference import SETPOINT
-from .rows import worst_first
-from .samples import Samples
-from .state import BY_GAP, BY_SETTINGS, CLOSED, COUNTS, LOAD_STEP, STATES
-from .verdict import conclude
+from monitor.assess.event import Finding, assess_event
+from monitor.assess.reference import SETPOINT
+from monitor.contract.loops import Loop, LoopTable
+from monitor.contract.records import Assessment, Event, LoopRow, Record, Suggestion, Window, event_id
+from monitor.contract.samples import Samples
+from monitor.detect.detector import Detector
+from monitor.detect.state import BY_GAP, BY_SETTINGS, CLOSED, COUNTS, LOAD_STEP, STATES
+from monitor.health.observe import figures
+from monitor.identify.direct import model_response
+from monitor.identify.fit import Array
+from monitor.verdict.history import Case
+from monitor.verdict.row import worst_first
+from monitor.verdict.tree import conclude
 
 
 class Engine:

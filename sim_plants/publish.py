@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from monitor.loops import default_key
+from monitor.contract.loops import default_key
 from sim_plants.loops import Block, LoopSpec, Simulation
 from sim_plants.payloads import encode_frame, encode_sample, encode_tag, iso_times, name_array
 

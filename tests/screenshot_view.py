@@ -23,8 +23,8 @@ sys.path[:0] = [str(Path(__file__).parent / "monitor"), str(Path(__file__).paren
 
 from fake_monitor import FakeMonitor, demo_loops  # noqa: E402
 
-from monitor.adapters import rerun_process  # noqa: E402
-from monitor.view import start_view  # noqa: E402
+from monitor.adapters.rerun_view import process  # noqa: E402
+from monitor.view.process import start_view  # noqa: E402
 
 BAR = 36
 """Height of the viewer's own bar at the top."""
@@ -34,10 +34,10 @@ SOFTWARE_VULKAN = Path("/usr/share/vulkan/icd.d/lvp_icd.x86_64.json")
 def missing() -> str:
     """Why no screenshot can be made here, or nothing."""
     try:
-        rerun_process.program()
-    except rerun_process.RerunError as error:
+        process.program()
+    except process.RerunError as error:
         return str(error)
-    if sys.platform.startswith("linux") and not (SOFTWARE_VULKAN.exists() or rerun_process.has_display()):
+    if sys.platform.startswith("linux") and not (SOFTWARE_VULKAN.exists() or process.has_display()):
         return "no Vulkan driver: apt-get install mesa-vulkan-drivers libvulkan1"
     return ""
 
@@ -48,11 +48,11 @@ def headless(url: str, size: str) -> Iterator[Callable[[Path], None]]:
     from rerun.experimental import ViewerClient  # noqa: PLC0415
 
     proxy = parse_qs(urlsplit(url).query)["url"][0] if url.startswith("http") else url
-    port = rerun_process.free_ports(1)[0]
+    port = process.free_ports(1)[0]
     env = {**os.environ, "RUST_LOG": "off", "XDG_RUNTIME_DIR": tempfile.gettempdir()}
     if SOFTWARE_VULKAN.exists():
         env["VK_DRIVER_FILES"] = str(SOFTWARE_VULKAN)
-    command = [str(rerun_process.program()), "--headless", "--bind", "127.0.0.1", "--port", str(port)]
+    command = [str(process.program()), "--headless", "--bind", "127.0.0.1", "--port", str(port)]
     command += ["--window-size", size, "--hide-welcome-screen", "--renderer", "vulkan", proxy]
     viewer = subprocess.Popen(command, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
@@ -94,7 +94,7 @@ def main() -> None:
     if args.url:
         shoot(args.url, args)
         return
-    fake = None if args.connect else FakeMonitor(rerun_process.free_ports(1)[0], demo_loops())
+    fake = None if args.connect else FakeMonitor(process.free_ports(1)[0], demo_loops())
     view = start_view(args.connect or (fake.endpoint if fake else ""), "web")
     try:
         if not view.url:

@@ -11,7 +11,7 @@ from importlib.metadata import version
 
 import pytest
 
-from monitor.cli import COMMANDS
+from monitor.cli.main import COMMANDS
 
 HEAVY = ("numpy", "scipy", "numba", "pandas", "pyarrow", "zenoh", "rerun", "dask", "matplotlib", "sqlite3")
 LIGHT = {"status", "check", "tune"}
@@ -20,7 +20,7 @@ LIGHT = {"status", "check", "tune"}
 
 def run(*arguments: str, timeout: float = 60.0) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "monitor.cli", *arguments],
+        [sys.executable, "-m", "monitor", *arguments],
         capture_output=True,
         text=True,
         check=False,
@@ -48,7 +48,7 @@ def refused(*arguments: str, names: str = "") -> str:
 
 LOADED = """
 import sys
-from monitor import cli
+from monitor.cli import main as cli
 sys.argv = ["loopsight", *{arguments!r}]
 try:
     cli.main()
@@ -201,7 +201,7 @@ def test_an_export_is_written(tmp_path):
 
 def test_output_that_nobody_reads_is_no_error():
     """`loopsight tune --list | true`."""
-    command = [sys.executable, "-m", "monitor.cli", "tune", "--list"]
+    command = [sys.executable, "-m", "monitor", "tune", "--list"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as started:
         assert started.stdout is not None
         assert started.stderr is not None

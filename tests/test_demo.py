@@ -98,7 +98,7 @@ LOOPS = [
 
 
 def command(*options: str) -> list[str]:
-    return [sys.executable, "-m", "monitor.cli", "demo", "--view", "none", *options]
+    return [sys.executable, "-m", "monitor", "demo", "--view", "none", *options]
 
 
 def children(pid: int) -> list[int]:

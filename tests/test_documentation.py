@@ -11,10 +11,10 @@ import msgspec
 import pytest
 from click.testing import CliRunner
 
-from monitor.cli import COMMANDS, loopsight
-from monitor.config import Config, load, problems
-from monitor.loops import read_loop_table
-from monitor.meanings import MEANINGS
+from monitor.cli.main import COMMANDS, loopsight
+from monitor.contract.figures import MEANINGS
+from monitor.contract.loops import read_loop_table
+from monitor.service.config import Config, load, problems
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

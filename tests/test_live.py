@@ -21,12 +21,12 @@ import pytest
 
 from monitor.adapters.store import Store
 from monitor.adapters.zenoh_bus import Bus, BusError, ask, open_session, plant_put
-from monitor.config import Config
+from monitor.contract.loops import LoopTable, parse_row, read_loop_table
+from monitor.contract.records import Assessment
+from monitor.contract.samples import Samples
 from monitor.engine import Engine
-from monitor.loops import LoopTable, parse_row, read_loop_table
-from monitor.records import Assessment
-from monitor.samples import Samples
-from monitor.service import Service, warm_up
+from monitor.service.config import Config
+from monitor.service.service import Service, warm_up
 from sim_plants.export import write_rows
 from sim_plants.loops import Simulation
 from sim_plants.publish import Publisher
@@ -140,7 +140,7 @@ class Monitor:
         state.mkdir(parents=True, exist_ok=True)
         self.log = (state / "log").open("a")
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "monitor.cli", "monitor", *options],
+            [sys.executable, "-m", "monitor", "monitor", *options],
             stdout=subprocess.PIPE,
             stderr=self.log,
             text=True,
@@ -153,7 +153,7 @@ class Monitor:
 
     def status(self) -> dict[str, Any]:
         done = subprocess.run(
-            [sys.executable, "-m", "monitor.cli", "status", "--json", "--connect", self.endpoint],
+            [sys.executable, "-m", "monitor", "status", "--json", "--connect", self.endpoint],
             capture_output=True, text=True, check=False, timeout=30,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
@@ -284,7 +284,7 @@ def test_bad_input_is_counted_and_nothing_stops(plant, start, client):
     for message in sent:
         put(*message)
     other = subprocess.Popen(
-        [sys.executable, "-m", "monitor.cli", "simulate", "--connect", monitor.endpoint, "--speed", "100"],
+        [sys.executable, "-m", "monitor", "simulate", "--connect", monitor.endpoint, "--speed", "100"],
     )
     try:
         until(lambda: health(session).get("samples_ok", 0) > 1000, 40)
@@ -384,7 +384,7 @@ def test_a_port_that_is_taken(endpoint, tmp_path):
     session = open_session("router", listen=[endpoint])
     try:
         done = subprocess.run(
-            [sys.executable, "-m", "monitor.cli", "monitor", "--listen", endpoint, "--state", str(tmp_path)],
+            [sys.executable, "-m", "monitor", "monitor", "--listen", endpoint, "--state", str(tmp_path)],
             capture_output=True, text=True, check=False, timeout=60,
         )  # fmt: skip
     finally:
@@ -480,7 +480,7 @@ def test_told_to_stop_while_the_kernels_are_compiled(tmp_path, endpoint):
         [
             sys.executable,
             "-m",
-            "monitor.cli",
+            "monitor",
             "monitor",
             "--listen",
             endpoint,

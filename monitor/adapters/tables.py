@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from monitor.records import TIMES, Assessment, LoopRow
-
-from .historian import write_parquet
+from monitor.adapters.historian.source import write_parquet
+from monitor.contract.records import TIMES, Assessment, LoopRow
 
 EVENTS, LOOPS, LOOPS_CSV = "events.parquet", "loops.parquet", "loops.csv"
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from harness import Outcome, both, good
 
-from monitor.records import GOOD
-from monitor.service import warm_up
+from monitor.contract.records import GOOD
+from monitor.service.service import warm_up
 
 
 @pytest.fixture(scope="session")

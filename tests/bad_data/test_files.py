@@ -18,9 +18,9 @@ import pyarrow.parquet as pq
 import pytest
 from harness import NAME, SECOND, SETTINGS, Outcome, audit, both, good, same, write
 
-from monitor.audit import run_audit
-from monitor.fleet import plan
-from monitor.records import GOOD
+from monitor.audit.result import run_audit
+from monitor.audit.tasks import plan
+from monitor.contract.records import GOOD
 
 N = 700
 
@@ -84,8 +84,8 @@ def test_nothing_usable_is_exit_2(tmp_path: Path) -> None:
 BOMB = """
 import resource, sys
 from pathlib import Path
-from monitor.adapters.historian import inspect
-from monitor.adapters.rows import UnusableError
+from monitor.adapters.historian.source import inspect
+from monitor.adapters.historian.rows import UnusableError
 resource.setrlimit(resource.RLIMIT_DATA, (1_000_000_000, 1_000_000_000))
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 for path in map(Path, sys.argv[1:]):
@@ -185,7 +185,7 @@ def test_any_workers_and_any_order_of_tasks_give_the_same_bytes(
             assert len(tasks) == cuts
             return [tasks[k] for k in np.random.default_rng(seed).permutation(cuts)]
 
-        monkeypatch.setattr("monitor.audit_run.plan", shuffled)
+        monkeypatch.setattr("monitor.audit.run.plan", shuffled)
         folders.append(tmp_path / f"{cuts}-{jobs}-{seed}")
         assert len(audit(data, folders[-1], ".parquet", table, jobs=jobs).events) == 9
     first, *others = map(everything, folders)

@@ -33,7 +33,7 @@ from harness import (
 
 from monitor.adapters.store import StoreError
 from monitor.adapters.zenoh_bus import Ring
-from monitor.records import GOOD
+from monitor.contract.records import GOOD
 
 N = 700
 

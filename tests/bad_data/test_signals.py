@@ -26,7 +26,7 @@ from harness import (
     steps,
 )
 
-from monitor.records import GOOD, INCONCLUSIVE, NOT_ASSESSED
+from monitor.contract.records import GOOD, INCONCLUSIVE, NOT_ASSESSED
 from sim_plants.loops import Simulation
 from sim_plants.troubles import troubles
 from sim_plants.truth import loop_table

@@ -26,8 +26,8 @@ from harness import (
     write,
 )
 
-from monitor.audit import run_audit
-from monitor.records import GOOD
+from monitor.audit.result import run_audit
+from monitor.contract.records import GOOD
 
 N = 700
 

@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 from harness import LOST, NAME, SECOND, SETTINGS, START, Live, audit, both, good, live, messages, same, text
 
-from monitor.audit import run_audit
-from monitor.records import GOOD, NOT_ASSESSED
+from monitor.audit.result import run_audit
+from monitor.contract.records import GOOD, NOT_ASSESSED
 
 N = 700
 TOLD = ["Bad Input", "I/O Timeout", "No Data", "#N/A", "Pt Created", "Shutdown", ""]

@@ -19,12 +19,12 @@ import pyarrow.parquet as pq
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from monitor.adapters.historian import inspect
-from monitor.adapters.merge import Span, in_order
-from monitor.adapters.rows import Tally
-from monitor.audit import run_audit
+from monitor.adapters.historian.merge import Span, in_order
+from monitor.adapters.historian.rows import Tally
+from monitor.adapters.historian.source import inspect
+from monitor.audit.result import run_audit
+from monitor.contract.loops import Loop, LoopTable
 from monitor.engine import Engine
-from monitor.loops import Loop, LoopTable
 
 COLUMNS = ["loop", "time", "sp", "pv", "op"]
 START = 1_767_225_600 * 10**9

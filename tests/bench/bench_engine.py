@@ -16,10 +16,10 @@ import numba
 import numpy as np
 from twin import samples_of, table_of, times
 
-from monitor.detect import Detector
+from monitor.contract.loops import Loop, LoopTable
+from monitor.contract.samples import Samples
+from monitor.detect.detector import Detector
 from monitor.engine import Engine
-from monitor.loops import Loop, LoopTable
-from monitor.samples import Samples
 from sim_plants.fleet import random_fleet
 from sim_plants.loops import Simulation
 

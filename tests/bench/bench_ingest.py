@@ -26,11 +26,11 @@ import numpy as np
 import pyarrow as pa
 
 from monitor.adapters.zenoh_bus import Bus, Ring, open_session, plant_put
+from monitor.contract.loops import Loop, LoopTable
 from monitor.engine import Engine
-from monitor.loops import Loop, LoopTable
-from monitor.order import Order
-from monitor.service import Service, warm_up
-from monitor.wire import Decoder, Message, _Sample
+from monitor.service.reorder import Order
+from monitor.service.service import Service, warm_up
+from monitor.wire.decode import Decoder, Message, _Sample
 from sim_plants.loops import Block
 from sim_plants.payloads import encode_frame, encode_sample, iso_times, name_array
 
@@ -267,7 +267,7 @@ class _Forgetful:
 
 def ticks(loops: int, seconds: int) -> float:
     """A service at 1 Hz, a tick for every frame: print p50 and p99 of a tick [ms], and the load on a core."""
-    from monitor.config import Config  # noqa: PLC0415
+    from monitor.service.config import Config  # noqa: PLC0415
 
     table = LoopTable([Loop(name=f"L{k}", kp=1.0, ti=10.0) for k in range(loops)])
     bus: Any = _Deaf()

@@ -42,9 +42,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "monitor"))
 from detection_fleet import KINDS, Kind, fleet, lasts
 from twin import samples_of, table_of
 
+from monitor.contract.loops import LoopTable
+from monitor.contract.records import RETUNE, Assessment
 from monitor.engine import Engine
-from monitor.loops import LoopTable
-from monitor.records import RETUNE, Assessment
 from sim_plants.loops import Simulation
 from sim_plants.specs import LoopSpec
 from sim_plants.truth import truth_events

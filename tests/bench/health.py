@@ -21,10 +21,10 @@ from health_archive import held, interpolated, reports, swinging_door
 from health_fleet import CLASSES, Case, draw
 from scipy.signal import lfilter
 
-from monitor.detect import Detector
-from monitor.health import SATURATED, Health, figures
-from monitor.loops import Loop
-from monitor.samples import Samples
+from monitor.contract.loops import Loop
+from monitor.contract.samples import Samples
+from monitor.detect.detector import Detector
+from monitor.health.observe import SATURATED, Health, figures
 from sim_plants.loops import Block, Simulation
 from sim_plants.plants import Process
 from sim_plants.specs import LoopSpec, Steps

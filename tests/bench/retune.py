@@ -51,7 +51,7 @@ import numpy as np  # noqa: E402 (after the threads)
 from retune_fleet import CASES  # noqa: E402
 from retune_judge import NERVOUS, Outcome, judge_many, turns_pi_into_pid  # noqa: E402
 
-from monitor.records import GOOD  # noqa: E402
+from monitor.contract.records import GOOD  # noqa: E402
 
 SEED = 20_100_261
 """Held out: named here and nowhere else."""

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from monitor.loops import Loop, parse_row
-from monitor.samples import Samples
+from monitor.contract.loops import Loop, parse_row
+from monitor.contract.samples import Samples
 from sim_plants.controllers import Controller
 from sim_plants.loops import Block, Simulation
 from sim_plants.plants import Plant

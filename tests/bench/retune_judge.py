@@ -11,10 +11,10 @@ from typing import Any
 from retune_fleet import CASES, PI, SELF, Case, draw, record, table_row
 from retune_truth import index, model_of, sensitivity, stable
 
+from monitor.assess.reference import LOAD, SETPOINT, closed_loop_time, reduced, reference_structure
+from monitor.contract.loops import LoopTable
+from monitor.contract.records import INCONCLUSIVE, RETUNE, Assessment, LoopRow
 from monitor.engine import Engine
-from monitor.loops import LoopTable
-from monitor.records import INCONCLUSIVE, RETUNE, Assessment, LoopRow
-from monitor.reference import LOAD, SETPOINT, closed_loop_time, reduced, reference_structure
 from sim_plants.controllers import Controller
 from sim_plants.specs import LoopSpec
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from twin import pi_loop, times
 
-from monitor.detect import Detector
-from monitor.loops import Loop
-from monitor.samples import Samples
-from monitor.state import CLOSED, COUNTS, OPENED
+from monitor.contract.loops import Loop
+from monitor.contract.samples import Samples
+from monitor.detect.detector import Detector
+from monitor.detect.state import CLOSED, COUNTS, OPENED
 
 Found = list[tuple[Any, NDArray[np.float64]]]
 

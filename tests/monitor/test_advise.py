@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 from test_identify import make_fit
 from twin import noise_through
 
-from monitor.advise import Advice, Withheld, advise, renewed
-from monitor.candidates import FURTHEST, op_noise, unfit
-from monitor.fits import SELF_REGULATING, Fit
-from monitor.loops import CONTROLLERS, OBJECTIVES, Loop
-from monitor.reference import LOAD, SETPOINT, held, model_of, reference_structure, settings_of
-from monitor.region import uncertain_models
-from monitor.stages import STAGE
+from monitor.advise.candidates import FURTHEST, op_noise, unfit
+from monitor.advise.region import uncertain_models
+from monitor.advise.stages import STAGE
+from monitor.advise.suggestion import Advice, Withheld, advise, renewed
+from monitor.assess.reference import LOAD, SETPOINT, held, model_of, reference_structure, settings_of
+from monitor.contract.loops import CONTROLLERS, OBJECTIVES, Loop
+from monitor.identify.fit import SELF_REGULATING, Fit
 from tuners.models import IntegratingModel
 from tuners.robustness import peak_sensitivity
 from tuners.rules import RULES

@@ -11,13 +11,13 @@ import pytest
 from test_identify import make_fit
 from twin import Seen, pi_loop, run, samples_of, times
 
-from monitor.assess import _explained
+from monitor.assess.event import _explained
+from monitor.assess.tuning import judge, trap
+from monitor.contract.loops import Loop
+from monitor.contract.records import GOOD, INCONCLUSIVE, RETUNE, Assessment
+from monitor.contract.samples import Samples
+from monitor.detect.state import LOAD_STEP, SETPOINT_STEP
 from monitor.engine import Engine
-from monitor.judge import judge, trap
-from monitor.loops import Loop
-from monitor.records import GOOD, INCONCLUSIVE, RETUNE, Assessment
-from monitor.samples import Samples
-from monitor.state import LOAD_STEP, SETPOINT_STEP
 from sim_plants.controllers import Controller
 from sim_plants.loops import Simulation
 from sim_plants.plants import Plant

@@ -16,12 +16,12 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner, Result
 
-from monitor import fleet
 from monitor.adapters.tables import columns, loops_csv, write_tables
-from monitor.audit import PARTS, audit_command, run_audit
-from monitor.audit_run import expand, visible
-from monitor.fleet import Part, Task, plan, run_task
-from monitor.records import Assessment, LoopRow
+from monitor.audit import tasks
+from monitor.audit.result import PARTS, audit_command, run_audit
+from monitor.audit.run import expand, visible
+from monitor.audit.tasks import Part, Task, plan, run_task
+from monitor.contract.records import Assessment, LoopRow
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 FILES = ("events.parquet", "loops.parquet", "loops.csv", "audit.json")
@@ -112,7 +112,7 @@ def test_any_cut_into_tasks_gives_the_same(
     assert {s["loop"] for s in seen["skipped"]["loops"]} == {"X", "other"}
     assert seen["loops_without_data"] == ["LIC-4"]
     monkeypatch.setattr(
-        "monitor.audit_run.plan", lambda loops, sources, span, _: plan(loops, sources, span, n)
+        "monitor.audit.run.plan", lambda loops, sources, span, _: plan(loops, sources, span, n)
     )
     run_audit([folder], table, tmp_path / "many")
     assert content(tmp_path / "many") == one
@@ -137,7 +137,7 @@ def test_resume_takes_over_what_is_done(
     fleet_data.to_parquet(tmp_path / "d.parquet")
     run_audit([tmp_path / "d.parquet"], table, tmp_path / "whole")
     monkeypatch.setattr(
-        "monitor.audit_run.plan", lambda loops, sources, span, _: plan(loops, sources, span, 3)
+        "monitor.audit.run.plan", lambda loops, sources, span, _: plan(loops, sources, span, 3)
     )
     done: list[Task] = []
 
@@ -147,7 +147,7 @@ def test_resume_takes_over_what_is_done(
         done.append(task)
         return run_task(task, progress)
 
-    monkeypatch.setattr(fleet, "run_task", stops)
+    monkeypatch.setattr(tasks, "run_task", stops)
     with pytest.raises(KeyboardInterrupt):
         run_audit([tmp_path / "d.parquet"], table, tmp_path / "out")
     assert len(list((tmp_path / "out" / PARTS).iterdir())) == 2
@@ -155,14 +155,14 @@ def test_resume_takes_over_what_is_done(
     torn.write_bytes(torn.read_bytes()[:-5])  # torn: done again
     again: list[Task] = []
     monkeypatch.setattr(
-        fleet, "run_task", lambda task, progress: (again.append(task), run_task(task, progress))[1]
+        tasks, "run_task", lambda task, progress: (again.append(task), run_task(task, progress))[1]
     )
     run_audit([tmp_path / "d.parquet"], table, tmp_path / "out", resume=True)
     assert len(again) == 2
     assert content(tmp_path / "out") == content(tmp_path / "whole")
     # without --resume nothing is taken over
     done.clear()
-    monkeypatch.setattr(fleet, "run_task", stops)
+    monkeypatch.setattr(tasks, "run_task", stops)
     with pytest.raises(KeyboardInterrupt):
         run_audit([tmp_path / "d.parquet"], table, tmp_path / "out")
     done.clear()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor.config import Config, ConfigError, load, problems
+from monitor.service.config import Config, ConfigError, load, problems
 
 
 def written(folder: Path, text: str) -> Path:

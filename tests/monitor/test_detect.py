@@ -24,16 +24,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from twin import SECOND, START, integrals, pi_loop, samples_of, times
 
-from monitor.detect import Detector
-from monitor.identify import fit_window, load_integrals, setpoint_integrals
-from monitor.loops import Loop
-from monitor.samples import Samples
-from monitor.state import (
-    OPENED,
-    RING,
-    STATES,
-    WINDOW,
-)
+from monitor.contract.loops import Loop
+from monitor.contract.samples import Samples
+from monitor.detect.detector import Detector
+from monitor.detect.state import OPENED, RING, STATES, WINDOW
+from monitor.identify.direct import fit_window, load_integrals, setpoint_integrals
 from sim_plants.fleet import random_fleet
 from sim_plants.loops import Simulation
 from sim_plants.scenarios import reference_loops

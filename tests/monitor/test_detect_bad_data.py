@@ -15,16 +15,11 @@ from detect_tools import (
 )
 from twin import SECOND, START, pi_loop, samples_of, times
 
-from monitor.detect import Detector
-from monitor.identify import setpoint_integrals
-from monitor.loops import Loop
-from monitor.samples import Samples, join
-from monitor.state import (
-    BY_GAP,
-    COUNTS,
-    REBASE,
-    STATES,
-)
+from monitor.contract.loops import Loop
+from monitor.contract.samples import Samples, join
+from monitor.detect.detector import Detector
+from monitor.detect.state import BY_GAP, COUNTS, REBASE, STATES
+from monitor.identify.direct import setpoint_integrals
 from sim_plants.loops import Simulation
 from sim_plants.scenarios import reference_loops
 from sim_plants.specs import NEVER, Steps

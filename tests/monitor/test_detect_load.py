@@ -15,14 +15,10 @@ from detect_tools import (
 )
 from twin import SECOND, START, samples_of, times
 
-from monitor.detect import Detector
-from monitor.loops import Loop
-from monitor.samples import Samples
-from monitor.state import (
-    BY_STEP,
-    CLOSED,
-    STATES,
-)
+from monitor.contract.loops import Loop
+from monitor.contract.samples import Samples
+from monitor.detect.detector import Detector
+from monitor.detect.state import BY_STEP, CLOSED, STATES
 from sim_plants.loops import Simulation
 from sim_plants.plants import Plant
 from sim_plants.settings import robust_simc

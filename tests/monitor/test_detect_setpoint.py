@@ -18,19 +18,10 @@ from detect_tools import (
 from numpy.typing import NDArray
 from twin import SECOND, START, pi_loop, times
 
-from monitor.detect import Detector
-from monitor.loops import Loop
-from monitor.samples import Samples
-from monitor.state import (
-    BY_END,
-    BY_GAP,
-    BY_MODE,
-    BY_STEP,
-    OPENED,
-    RING,
-    STATES,
-    STEP_REST,
-)
+from monitor.contract.loops import Loop
+from monitor.contract.samples import Samples
+from monitor.detect.detector import Detector
+from monitor.detect.state import BY_END, BY_GAP, BY_MODE, BY_STEP, OPENED, RING, STATES, STEP_REST
 
 
 def closed_by(sp: NDArray[np.float64], **facts: Any) -> list[Any]:

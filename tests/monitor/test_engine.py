@@ -14,11 +14,20 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from twin import START, Seen, pi_loop, run, samples_of, table_of, times, watch
 
-from monitor.case import KEPT
+from monitor.contract.loops import OBJECTIVES, Loop, LoopTable
+from monitor.contract.records import (
+    GOOD,
+    INCONCLUSIVE,
+    NOT_ASSESSED,
+    RETUNE,
+    LoopRow,
+    Record,
+    Suggestion,
+    Window,
+)
+from monitor.contract.samples import Samples
 from monitor.engine import Engine, worst_first
-from monitor.loops import OBJECTIVES, Loop, LoopTable
-from monitor.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow, Record, Suggestion, Window
-from monitor.samples import Samples
+from monitor.verdict.history import KEPT
 from sim_plants.fleet import random_fleet
 from sim_plants.loops import Simulation
 from sim_plants.margins import margin

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from twin import SECOND, START
 
-from monitor.detect import Detector
-from monitor.health import HEALTH, Health, figures
-from monitor.loops import Loop
-from monitor.samples import Samples
+from monitor.contract.loops import Loop
+from monitor.contract.samples import Samples
+from monitor.detect.detector import Detector
+from monitor.health.observe import HEALTH, Health, figures
 
 Array = NDArray[np.float64]
 N = 3000

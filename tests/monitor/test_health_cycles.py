@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from twin import SECOND, START
 
-from monitor.detect import Detector
-from monitor.health import Health, figures
-from monitor.loops import Loop
-from monitor.oscillation import BLOCK, LAGS, cycle
-from monitor.samples import Samples
+from monitor.contract.loops import Loop
+from monitor.contract.samples import Samples
+from monitor.detect.detector import Detector
+from monitor.health.observe import Health, figures
+from monitor.health.oscillation import BLOCK, LAGS, cycle
 from sim_plants.controllers import Controller
 from sim_plants.loops import Simulation
 from sim_plants.plants import Plant

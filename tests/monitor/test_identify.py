@@ -11,14 +11,20 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from twin import Array, pi_loop, response, samples_of
 
-from monitor.detect import Detector
-from monitor.fits import INTEGRATING, SELF_REGULATING, Fit, combine, contradictory, decide
-from monitor.fitting import blocks
-from monitor.identify import correlation_time, fit_kinds, fit_window, model_response, setpoint_integrals
-from monitor.loops import Loop
-from monitor.response import load_response
-from monitor.response import response as fast_response
-from monitor.state import CLOSED
+from monitor.contract.loops import Loop
+from monitor.detect.detector import Detector
+from monitor.detect.state import CLOSED
+from monitor.identify.direct import (
+    correlation_time,
+    fit_kinds,
+    fit_window,
+    model_response,
+    setpoint_integrals,
+)
+from monitor.identify.fit import INTEGRATING, SELF_REGULATING, Fit, combine, contradictory, decide
+from monitor.identify.response import load_response
+from monitor.identify.response import response as fast_response
+from monitor.identify.search import blocks
 from sim_plants.controllers import Controller
 from sim_plants.loops import Simulation
 from sim_plants.plants import Plant

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor.loops import Loop, LoopTable, LoopTableError, default_key, parse_row, read_loop_table
+from monitor.contract.loops import Loop, LoopTable, LoopTableError, default_key, parse_row, read_loop_table
 
 
 def test_only_the_name_is_required():

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor.order import HELD, Order
-from monitor.samples import UNCERTAIN, Samples, join
-from monitor.wire import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_PV, TAG_SP, UNKNOWN
+from monitor.contract.samples import UNCERTAIN, Samples, join
+from monitor.service.reorder import HELD, Order
+from monitor.wire.decode import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_PV, TAG_SP, UNKNOWN
 
 SECOND = 10**9
 T0 = 1_795_341_600 * SECOND
@@ -220,7 +220,7 @@ def test_a_fast_loop_has_the_room_that_its_window_needs(rate):
 
 def test_more_than_there_is_room_for_shortens_the_window_and_is_counted(monkeypatch):
     """Faster than any room, or too many such loops: all in order go through, and what had to go early is counted."""
-    monkeypatch.setattr("monitor.order.MOST_WIDE", 0)
+    monkeypatch.setattr("monitor.service.reorder.MOST_WIDE", 0)
     order = Order(1)
     fast = entries(*(entry(0.01 * k) for k in range(300)))
     got = through(order, [fast[k : k + 7] for k in range(0, 300, 7)])
@@ -236,7 +236,7 @@ def test_more_than_there_is_room_for_shortens_the_window_and_is_counted(monkeypa
 
 def test_an_old_one_into_a_full_house_stays_in_order(monkeypatch):
     """With all room taken an entry older than all of it goes out first."""
-    monkeypatch.setattr("monitor.order.MOST_WIDE", 0)
+    monkeypatch.setattr("monitor.service.reorder.MOST_WIDE", 0)
     order = Order(1)
     full = entries(*(entry(1.0 + 0.01 * k) for k in range(HELD)))
     first = order.push(full, 0.0)

@@ -14,10 +14,10 @@ import pandas as pd
 import pytest
 from twin import Seen, sorted_records
 
+from monitor.contract.loops import Loop, read_loop_table
+from monitor.contract.records import GOOD, RETUNE, Assessment, LoopRow
+from monitor.contract.samples import Samples
 from monitor.engine import Engine
-from monitor.loops import Loop, read_loop_table
-from monitor.records import GOOD, RETUNE, Assessment, LoopRow
-from monitor.samples import Samples
 from tuners.models import IntegratingModel, SelfRegulatingModel
 from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings

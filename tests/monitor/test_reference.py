@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor.loops import Loop
-from monitor.reference import (
+from monitor.assess.reference import (
     LOAD,
     RULE,
     SETPOINT,
@@ -23,6 +22,7 @@ from monitor.reference import (
     reference_structure,
     settings_of,
 )
+from monitor.contract.loops import Loop
 from tuners.models import IntegratingModel, SelfRegulatingModel
 from tuners.responses import closed_loop_response
 from tuners.rules import RULES

@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_identify import make_fit
 
-from monitor.fits import SELF_REGULATING
-from monitor.region import fastest_safe, found, uncertain_models, worst_peaks
-from monitor.stages import ORDERS, stages
+from monitor.advise.region import fastest_safe, found, uncertain_models, worst_peaks
+from monitor.advise.stages import ORDERS, stages
+from monitor.identify.fit import SELF_REGULATING
 from tuners.models import IntegratingModel, Model, SelfRegulatingModel
 from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings

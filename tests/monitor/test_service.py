@@ -21,13 +21,13 @@ from hypothesis import strategies as st
 
 from monitor.adapters.store import Store, StoreError
 from monitor.adapters.zenoh_bus import Ring, _parameters
-from monitor.config import Config
+from monitor.contract.loops import Loop, LoopTable, parse_row
+from monitor.contract.records import Assessment, LoopRow, Suggestion
+from monitor.contract.samples import Samples
 from monitor.engine import Engine
-from monitor.loops import Loop, LoopTable, parse_row
-from monitor.records import Assessment, LoopRow, Suggestion
-from monitor.samples import Samples
-from monitor.service import MOST_UNKEPT, Service, plain
-from monitor.wire import Message
+from monitor.service.config import Config
+from monitor.service.service import MOST_UNKEPT, Service, plain
+from monitor.wire.decode import Message
 from sim_plants.loops import Simulation
 from sim_plants.publish import Publisher
 from sim_plants.scenarios import SCENARIOS
@@ -339,7 +339,7 @@ def test_a_store_that_fails_holds_back_and_loses_nothing(bench, caplog):
 
 def test_a_store_that_fails_for_ever_is_bounded(bench, monkeypatch):
     """The oldest records are given up and counted; the last try is at the end, and says what is lost."""
-    monkeypatch.setattr("monitor.service.MOST_UNKEPT", 2)
+    monkeypatch.setattr("monitor.service.service.MOST_UNKEPT", 2)
     assert MOST_UNKEPT > 2
     b = bench(one_loop())
     b.store.failing = True
@@ -608,7 +608,7 @@ def test_keys_of_many_register_nobody(bench):
 
 def test_registration_is_bounded_and_off_with_a_table(bench, monkeypatch):
     """Up to the most loops; with a table only on request."""
-    monkeypatch.setattr("monitor.service.MOST_LOOPS", 150)
+    monkeypatch.setattr("monitor.service.service.MOST_LOOPS", 150)
     b = bench()
     feed(b, [("plant/frame", frame_of([f"n{k}" for k in range(400)]))])
     assert len(b.loops) == 150

@@ -13,12 +13,12 @@ import pytest
 
 from monitor.adapters.store import Store
 from monitor.adapters.zenoh_bus import Ring
-from monitor.config import Config
-from monitor.loops import Loop, LoopTable
-from monitor.records import Assessment
-from monitor.service import Service
-from monitor.snapshot import MOST, read, take, write
-from monitor.wire import Message
+from monitor.contract.loops import Loop, LoopTable
+from monitor.contract.records import Assessment
+from monitor.service.config import Config
+from monitor.service.service import Service
+from monitor.service.snapshot import MOST, read, take, write
+from monitor.wire.decode import Message
 
 START = 1_767_225_600
 N = 700
@@ -201,7 +201,7 @@ def test_a_full_disk_leaves_the_old_one(tmp_path, monkeypatch):
     def full(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("monitor.snapshot.os.fsync", full)
+    monkeypatch.setattr("monitor.service.snapshot.os.fsync", full)
     first.feed(range(221, 235))
     assert (tmp_path / "open.npz").read_bytes() == before
     first.kill()

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from monitor.health import Health
-from monitor.loops import Loop
-from monitor.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow
-from monitor.verdict import TREE, WITHHOLDS, conclude
+from monitor.contract.loops import Loop
+from monitor.contract.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow
+from monitor.health.observe import Health
+from monitor.verdict.tree import TREE, WITHHOLDS, conclude
 
 FLAGS = {
     "manual", "saturated", "stuck_pv", "idle", "stale", "oscillating", "stiction", "offset", "compressed",

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from fake_monitor import Loop, arrow, assessment, demo_loops, row, trend_payload, window_payload
 
-from monitor.view_board import Board
-from monitor.view_data import Pane, decode_trend, merge, nanoseconds
-from monitor.view_feed import LOG_LINES, QUESTIONS, QUIET, Feed, Inbox
+from monitor.contract.evidence import Pane, decode_trend, merge, nanoseconds
+from monitor.view.feed import LOG_LINES, QUESTIONS, QUIET, Feed, Inbox
+from monitor.view.selection import Board
 
 
 @pytest.fixture

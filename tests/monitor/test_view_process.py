@@ -19,9 +19,10 @@ import pytest
 from fake_monitor import FakeMonitor, Loop, assessment, demo_loops, window_payload
 from view_tools import children, gone, read, texts, until
 
-from monitor.adapters import rerun_process, rerun_view
-from monitor.view import ViewProcess, run, start_view
-from monitor.view_data import decode_window
+from monitor.adapters.rerun_view import picture as rerun_picture
+from monitor.adapters.rerun_view import process as rerun_process
+from monitor.contract.evidence import decode_window
+from monitor.view.process import ViewProcess, run, start_view
 
 ROOT = Path(__file__).parents[2]
 LINUX = sys.platform.startswith("linux")
@@ -47,13 +48,13 @@ def test_late_view_gets_the_current_state(tmp_path: Path, fake: FakeMonitor) -> 
         until(lambda: {f"window/{loop.id}" for loop in flagged} <= fake.asked)
         assert view.url == ""  # nothing to open
         fake.health()
-        drawn = [f"{rerun_view.entity(loop.name)}/event/{rerun_view.PV}".encode() for loop in flagged]
+        drawn = [f"{rerun_picture.entity(loop.name)}/event/{rerun_picture.PV}".encode() for loop in flagged]
         until(lambda: all(path in (tmp_path / "late.rrd").read_bytes() for path in drawn))
     finally:
         view.stop()
     series = read(tmp_path / "late.rrd")
     for loop in flagged:
-        _, values = series[f"/{rerun_view.entity(loop.name)}/event/{rerun_view.PV}"]
+        _, values = series[f"/{rerun_picture.entity(loop.name)}/event/{rerun_picture.PV}"]
         np.testing.assert_array_equal(values[:-1], loop.columns["pv"])
     pages = texts(tmp_path / "late.rrd", "/overview")
     assert any("**4** to retune" in page and "**1** good" in page for page in pages)
@@ -69,7 +70,7 @@ def test_live_view_draws_what_is_said(tmp_path: Path, fake: FakeMonitor) -> None
         fake.tell(loop)
         until(lambda: f"window/{loop.id}" in fake.asked)
         step = 0
-        base = f"/{rerun_view.entity(loop.name)}/live/{rerun_view.PV}"
+        base = f"/{rerun_picture.entity(loop.name)}/live/{rerun_picture.PV}"
         while base[1:].encode() not in (tmp_path / "live.rrd").read_bytes():
             fake.go_on(loop, 4000 + 10 * step, 10)
             step += 1
@@ -87,22 +88,24 @@ def test_single_event(tmp_path: Path, fake: FakeMonitor) -> None:
     loop = next(loop for loop in fake.loops if loop.verdict == "good")
     file = tmp_path / "e.rrd"
     options = ["--connect", fake.endpoint, "--view", "none", "--save", str(file)]
-    process = subprocess.Popen([sys.executable, "-m", "monitor.view", *options, "--event", loop.id], cwd=ROOT)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "monitor.view.process", *options, "--event", loop.id], cwd=ROOT
+    )
     try:
         until(lambda: f"window/{loop.id}" in fake.asked)
-        until(lambda: rerun_view.ONSET_OP.encode() in file.read_bytes())
+        until(lambda: rerun_picture.ONSET_OP.encode() in file.read_bytes())
     finally:
         process.terminate()
         assert process.wait(10) == 0
     series = (
-        rerun_view.SP,
-        rerun_view.PV,
-        rerun_view.OP,
-        rerun_view.MODEL,
-        rerun_view.ONSET,
-        rerun_view.ONSET_OP,
+        rerun_picture.SP,
+        rerun_picture.PV,
+        rerun_picture.OP,
+        rerun_picture.MODEL,
+        rerun_picture.ONSET,
+        rerun_picture.ONSET_OP,
     )
-    assert set(read(file)) == {f"/{rerun_view.entity(loop.name)}/event/{name}" for name in series}
+    assert set(read(file)) == {f"/{rerun_picture.entity(loop.name)}/event/{name}" for name in series}
     done = command(*options, "--event", "0123456789abcdef")
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
@@ -176,7 +179,7 @@ def test_whatever_dies_takes_the_rest_along(fake: FakeMonitor, how: str) -> None
 def test_view_ends_with_its_parent(fake: FakeMonitor) -> None:
     """Even when the parent is killed."""
     code = (
-        "import sys, time; from monitor.view import start_view\n"
+        "import sys, time; from monitor.view.process import start_view\n"
         f"v = start_view({fake.endpoint!r}, 'web'); print(v.pid, v.url, flush=True); time.sleep(60)"
     )
     parent = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, text=True)
@@ -192,7 +195,7 @@ def test_view_ends_with_its_parent(fake: FakeMonitor) -> None:
 
 def command(*arguments: str) -> subprocess.CompletedProcess[str]:
     """Run the command by itself."""
-    line = [sys.executable, "-m", "monitor.view", *arguments]
+    line = [sys.executable, "-m", "monitor.view.process", *arguments]
     return subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=30, check=False)
 
 
@@ -240,10 +243,10 @@ def test_help_is_light() -> None:
 @needs_rerun
 def test_recording_is_served(tmp_path: Path, loop: Loop) -> None:
     """``loopsight view FILE.rrd`` opens on loopback and ends on SIGINT with exit 0."""
-    recording = rerun_view.open_recording(None, tmp_path / "a.rrd")
-    rerun_view.Picture(recording).window(decode_window(window_payload(loop)))
-    rerun_view.close_recording(recording)
-    line = [sys.executable, "-m", "monitor.view", str(tmp_path / "a.rrd")]
+    recording = rerun_picture.open_recording(None, tmp_path / "a.rrd")
+    rerun_picture.Picture(recording).window(decode_window(window_payload(loop)))
+    rerun_picture.close_recording(recording)
+    line = [sys.executable, "-m", "monitor.view.process", str(tmp_path / "a.rrd")]
     process = subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, text=True)
     view = ViewProcess(process)
     try:
@@ -285,7 +288,12 @@ def test_picture_is_drawn(tmp_path: Path, fake: FakeMonitor) -> None:
         pytest.skip(why)
     from PIL import Image  # noqa: PLC0415 - comes with rerun
 
-    colours = rerun_view.PV_COLOUR, rerun_view.OP_COLOUR, rerun_view.ONSET_COLOUR, rerun_view.MODEL_COLOUR
+    colours = (
+        rerun_picture.PV_COLOUR,
+        rerun_picture.OP_COLOUR,
+        rerun_picture.ONSET_COLOUR,
+        rerun_picture.MODEL_COLOUR,
+    )
     png = tmp_path / "v.png"
 
     def all_drawn() -> bool:

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from twin import pi_loop
 
+from monitor.contract.loops import Loop, LoopTable
+from monitor.contract.records import Assessment
+from monitor.contract.samples import Samples
 from monitor.engine import Engine
-from monitor.loops import Loop, LoopTable
-from monitor.records import Assessment
-from monitor.samples import Samples
-from monitor.wild import wild_values
+from monitor.identify.outliers import wild_values
 
 N = 1000
 

@@ -19,11 +19,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor.frames import claim
-from monitor.loops import Loop, LoopTable, default_key
-from monitor.records import Event, LoopRow, Suggestion
-from monitor.samples import UNCERTAIN
-from monitor.wire import (
+from monitor.contract.loops import Loop, LoopTable, default_key
+from monitor.contract.records import Event, LoopRow, Suggestion
+from monitor.contract.samples import UNCERTAIN
+from monitor.wire.arrow_header import claim
+from monitor.wire.decode import (
     LARGEST,
     MOST_BATCHES,
     MOST_KEYS,

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.contract.loops import Loop, LoopTable, parse_row
+from monitor.contract.records import Assessment, Event, LoopRow, Record, Suggestion, Window
+from monitor.contract.samples import Samples
 from monitor.engine import Engine
-from monitor.loops import Loop, LoopTable, parse_row
-from monitor.records import Assessment, Event, LoopRow, Record, Suggestion, Window
-from monitor.samples import Samples
 from sim_plants.loops import Block, Simulation
 from sim_plants.specs import LoopSpec
 from sim_plants.truth import loop_table

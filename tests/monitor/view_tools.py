@@ -13,7 +13,7 @@ import pyarrow as pa
 import pytest
 import rerun.chunk as rc
 
-from monitor.adapters import rerun_view
+from monitor.adapters.rerun_view import picture
 
 
 def until(condition: Callable[[], Any], seconds: float = 15.0) -> Any:
@@ -30,11 +30,11 @@ def read(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Times [ns] and values of every series in a recording, in time order."""
     found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     for chunk in rc.RrdReader(str(path)).stream():
-        if chunk.is_static or rerun_view.TIMELINE not in chunk.timeline_names:
+        if chunk.is_static or picture.TIMELINE not in chunk.timeline_names:
             continue
         batch = chunk.to_record_batch()
         if "Scalars:scalars" in batch.schema.names:
-            times = batch[rerun_view.TIMELINE].cast(pa.int64()).to_numpy()
+            times = batch[picture.TIMELINE].cast(pa.int64()).to_numpy()
             values = batch["Scalars:scalars"].flatten().to_numpy(zero_copy_only=False)
             found.setdefault(chunk.entity_path, []).append((times, values))
     joined = {k: tuple(np.concatenate(c) for c in zip(*v, strict=True)) for k, v in found.items()}

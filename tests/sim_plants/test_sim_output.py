@@ -9,8 +9,8 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 
-from monitor.loops import Loop, LoopTable, parse_row
-from monitor.wire import Decoder, Message
+from monitor.contract.loops import Loop, LoopTable, parse_row
+from monitor.wire.decode import Decoder, Message
 from sim_plants.controllers import Controller
 from sim_plants.export import write_export
 from sim_plants.fleet import random_fleet

@@ -9,7 +9,7 @@ import sys
 import pytest
 from click.testing import CliRunner
 
-from monitor.tune import EPILOG, suggest, tune
+from monitor.cli.tune import EPILOG, suggest, tune
 from tuners.blocks import BLOCKS, find_block, from_block
 from tuners.models import IntegratingModel
 from tuners.robustness import closed_loop_response, margins
@@ -237,7 +237,7 @@ def test_version():
 def test_help_imports_nothing_heavy():
     """Help must answer at once: neither numpy nor rich is imported for it."""
     code = (
-        "import sys; from monitor.tune import tune\n"
+        "import sys; from monitor.cli.tune import tune\n"
         "try: tune(['--help'])\n"
         "except SystemExit: pass\n"
         "bad = {'numpy', 'scipy', 'rich', 'matplotlib'} & set(sys.modules)\n"

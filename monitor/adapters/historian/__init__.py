@@ -1,0 +1,1 @@
+"""Exports of historians to samples."""

@@ -1,0 +1,1 @@
+"""Model and verdict to safe settings, or the reason for none."""

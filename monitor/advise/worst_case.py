@@ -1,0 +1,156 @@
+"""The compiled part of the search for safe settings: whole regions of models against hundreds of candidates.
+
+The loop gain is written out over one denominator as in `tuners.loops`, and followed along the frequencies once. A
+search may be coarse, since what it finds is checked exactly afterwards (`tuners.robustness`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor.detect.state import jit
+
+Array = NDArray[np.float64]
+
+STEP = 0.08
+"""Step of the frequency as a share of it: a parabola through three points finds the peak to 0.1 %."""
+TURN = 0.35
+"""Largest step of the dead time's angle [rad]."""
+MOST = 2000
+"""Steps after which a loop is given up as unsafe."""
+LOW = 30.0
+"""abs(L) at the lowest frequency: below it abs(S) is under 1/29."""
+NEGLIGIBLE = 0.05
+"""abs(L) that is not followed further."""
+
+
+@jit  # type: ignore[untyped-decorator]
+def least_distance(  # noqa: PLR0915 (one pass over the frequencies)
+    model: Array, integrators: int, settings: Array, series: bool, enough: float
+) -> float:
+    """Least abs(1 + L), i.e. 1/Ms; 0 where the loop is unstable, anything below ``enough`` as soon as it is below.
+
+    Parameters
+    ----------
+    model
+        (4,): gain, dead time, lag, second lag [s].
+    integrators
+        Of the process: 1 or 0.
+    settings
+        (4,): kp, ti, td, tf; ti inf for no integral action.
+    series
+        Form of the settings; else standard or parallel.
+    enough
+        Where the answer lies below, it need not be exact.
+    """
+    theta, lag, lag2 = model[1], model[2], model[3]
+    ti, td = settings[1], settings[2]
+    tf = settings[3] if td > 0.0 else 0.0
+    g = model[0] * settings[0]
+    n = integrators
+    lead = td if series else td + tf
+    if math.isinf(ti):
+        a1, a2 = lead, 0.0
+    else:
+        n += 1
+        g /= ti
+        a1, a2 = ti + (td if series else tf), ti * lead
+    times = theta + lag + lag2 + tf
+    if not g > 0.0:
+        return 0.0
+    omega = (g / LOW) ** (1.0 / n) if n > 0 else 0.01 / (times + a1 + 1e-300)
+    if times > 0.0:
+        omega = min(omega, 0.2 / times)
+    least, turns = 1.0, 0.0
+    size_before, before, before2, omega_before = 0.0, np.inf, np.inf, omega
+    for k in range(MOST):
+        x = omega * omega
+        cos, sin = math.cos(omega * theta), math.sin(omega * theta)
+        up_re, up_im = 1.0 - a2 * x, a1 * omega
+        up_re, up_im = up_re * cos + up_im * sin, up_im * cos - up_re * sin
+        down_re, down_im = 1.0, omega * tf
+        down_re, down_im = down_re - down_im * omega * lag, down_im + down_re * omega * lag
+        down_re, down_im = down_re - down_im * omega * lag2, down_im + down_re * omega * lag2
+        for _ in range(n):
+            down_re, down_im = -down_im * omega, down_re * omega
+        scale = g / (down_re * down_re + down_im * down_im)
+        re = scale * (up_re * down_re + up_im * down_im)
+        im = scale * (up_im * down_re - up_re * down_im)
+        size = re * re + im * im
+        distance = (1.0 + re) ** 2 + im * im
+        if k > 0 and (size > 1.0) != (size_before > 1.0):
+            # stability is decided by the phase at the gain crossovers, as in `tuners.robustness`
+            share = math.log(size_before) / (math.log(size_before) - math.log(size))
+            at = omega_before * (omega / omega_before) ** share
+            phase = math.atan2(a1 * at, 1.0 - a2 * at * at) - at * theta - n * math.pi / 2
+            phase -= math.atan(lag * at) + math.atan(lag2 * at) + math.atan(tf * at)
+            turn = math.floor((phase + math.pi) / (2.0 * math.pi))
+            turns += turn if size < 1.0 else -turn
+        lowest = distance
+        bend = before2 - 2.0 * before + distance
+        if before <= before2 and before <= distance and 0.0 < bend < np.inf:
+            lowest = max(before - (before2 - distance) ** 2 / (8.0 * bend), 0.0)
+        least = min(least, math.sqrt(lowest))
+        if least < enough:
+            return least
+        bound = g * (1.0 + a1 * omega + a2 * x) / omega**n
+        bound /= max(1.0, omega * lag) * max(1.0, omega * lag2) * max(1.0, omega * tf)
+        if bound < max(1.0 - least, NEGLIGIBLE):
+            return least if turns == 0.0 else 0.0
+        size_before, before2, before, omega_before = size, before, distance, omega
+        omega += min(STEP * omega, TURN / theta) if theta > 0.0 else STEP * omega
+    return 0.0
+
+
+@jit  # type: ignore[untyped-decorator]
+def worst_distance(models: Array, integrators: int, settings: Array, series: bool) -> float:
+    """Least abs(1 + L) of one controller over models (M, 4): 1/Ms of the worst, 0 where one is unstable."""
+    least = 1.0
+    for m in range(len(models)):
+        least = min(least, least_distance(models[m], integrators, settings, series, 0.0))
+    return least
+
+
+@jit  # type: ignore[untyped-decorator]
+def first_safe(
+    models: Array, integrators: int, candidates: Array, series: bool, ms_max: float
+) -> NDArray[np.int64]:
+    """Return for each row of candidates the first that is safe for all models, by bisection; T where none is.
+
+    Parameters
+    ----------
+    models
+        (M, 4): gain, dead time, lag, second lag [s].
+    integrators
+        Of the process: 1 or 0.
+    candidates
+        (R, T, 4): kp, ti, td, tf; from fast to slow along T, so that what follows a safe one is safe.
+    series
+        Form of the settings.
+    ms_max
+        Highest Ms that is safe.
+    """
+    rows, count = candidates.shape[0], candidates.shape[1]
+    found = np.empty(rows, dtype=np.int64)
+    enough, last = 1.0 / ms_max, 0
+    for r in range(rows):
+        low, high, middle = -1, count, count - 1
+        while high - low > 1:
+            safe = True
+            for m in range(len(models)):
+                j = (last + m) % len(models)  # what was dangerous before is asked first
+                if least_distance(models[j], integrators, candidates[r, middle], series, enough) < enough:
+                    safe, last = False, j
+                    break
+            if safe:
+                high = middle
+            elif middle == count - 1:
+                break
+            else:
+                low = middle
+            middle = (low + high) // 2
+        found[r] = high
+    return found

@@ -1,0 +1,1 @@
+"""Model and event to index, evidence and a verdict on the tuning."""

@@ -1,0 +1,131 @@
+"""What a well-tuned loop would do: the reference settings of a loop's structure, and their error.
+
+The references are those of Veronesi & Visioli (2010 for integrating, 2009 for self-regulating processes), i.e.
+SIMC (Skogestad 2003), with the closed-loop time tc free instead of tied to the dead time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from monitor.contract.loops import Loop
+from monitor.identify.fit import INTEGRATING, Fit
+from tuners.models import FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
+from tuners.responses import step_figures
+from tuners.settings import Settings
+from tuners.simc import simc_pd, simc_pi, simc_pid
+
+SETPOINT, LOAD = "setpoint", "load"
+MOST_PERIODS = 3.0
+"""The default closed-loop time is at least these sample periods: what the data cannot resolve is not asked."""
+
+
+def model_of(fit: Fit) -> Model:
+    """Return the fit's model, without its uncertainty."""
+    if fit.process == INTEGRATING:
+        return IntegratingModel(fit.gain, fit.dead_time, fit.lag)
+    return SelfRegulatingModel(fit.gain, fit.dead_time, fit.lag, fit.lag2)
+
+
+def held(model: Model, period: float) -> Model:
+    """Return the model as a controller that acts once a period meets it: half a period more of dead time.
+
+    A fit sees OP as held from sample to sample, so its dead time leaves out the hold's own delay. That delay is
+    in the loop where the controller samples as the data do, and in the data where the controller is faster.
+    """
+    return replace(model, dead_time=model.dead_time + 0.5 * period)
+
+
+def settings_of(loop: Loop) -> Settings | None:
+    """Return the loop's current settings in canonical form and units, None where they are not known."""
+    if loop.kp is None:
+        return None
+    return Settings(loop.kp, loop.ti, loop.td, loop.filter_time, loop.canonical_form, loop.b, loop.c)
+
+
+def reference_structure(loop: Loop) -> str:
+    """Return the structure by which the loop is judged: ``p, pi, pd, pid``.
+
+    PD only for a loop without integral action, or for set point alone where that is allowed.
+    """
+    if loop.allow_pd and loop.objective == SETPOINT:
+        return "pd"
+    return loop.structure
+
+
+def reduced(model: Model, structure: str) -> Model:
+    """Return the model on which the reference of a structure rests: PI and P see all lags as dead time (half rule).
+
+    A PID on a self-regulating process is judged by the PI of the first-order model.
+    """
+    if isinstance(model, IntegratingModel):
+        return model if structure in {"pid", "pd"} else model.without_lag()
+    return model.first_order()
+
+
+def closed_loop_time(loop: Loop, model: Model, period: float) -> float:
+    """Return tc [s]: the loop's own, else the reduced model's dead time, but at least three sample periods."""
+    if loop.closed_loop_time is not None:
+        return loop.closed_loop_time
+    return max(float(model.dead_time), MOST_PERIODS * period)
+
+
+def reference_settings(model: Model, structure: str, tc: FloatOrArray) -> Settings:
+    """Return the reference rule's settings (series or standard form; the rule's own).
+
+    Raises
+    ------
+    ValueError
+        The rule cannot serve this model (a self-regulating process that is dead time alone).
+    """
+    if structure == "p":
+        # the P part of the PD on all lags as dead time (derived)
+        return replace(simc_pd(reduced(model, "p"), tc), td=0.0, tf=0.0)
+    return {"pi": simc_pi, "pid": simc_pid, "pd": simc_pd}[structure](model, tc)
+
+
+RULE = {"p": "simc-p", "pi": "simc-pi", "pid": "simc-pid", "pd": "simc-pd"}
+"""Name of each structure's rule, as in ``loopsight tune --list`` (``simc-p``: ``simc-pd`` without its lead)."""
+
+
+def reference_iae(  # noqa: PLR0911 (one return for each formula)
+    kind: str, size: float, model: Model, structure: str, tc: float, b: float = 1.0, c: float = 1.0
+) -> float:
+    """Return the IAE [PV s] of the reference after a step of ``size`` (PV for a set-point, OP for a load step).
+
+    Integrating (derived, checked by simulation): PD ``|Ar|(tc + theta)``; PID and PI
+    ``|Ar|(theta + 4(tc + theta)/e)``, for I-PD ``|Ar|(4(tc + theta) + lag)`` (Ti of the standard
+    form), load ``4|mu|(tc + theta)^2 |Ad|``. At
+    ``tc = theta``: 2, 3.943, 8 and 16 times, as in Veronesi & Visioli (2010, eq. 10, for PD).
+    Self-regulating with ``tau <= 4(tc + theta)``: ``|Ar|(tc + theta)`` and ``|mu|(tc + theta)|Ad|``; slower
+    ones: load ``4|mu|(tc + theta)^2 |Ad|/tau``, set point by simulation. Other weights b, c: by simulation.
+    NaN where no reference exists (no integral action under load).
+    """
+    reduced_model = reduced(model, structure)
+    theta, gain = float(reduced_model.dead_time), abs(float(reduced_model.gain))
+    time = tc + theta
+    integral = structure in {"pi", "pid"}
+    size = abs(size)
+    if isinstance(reduced_model, IntegratingModel):
+        if kind == LOAD:
+            return 4.0 * gain * time**2 * size if integral else math.nan
+        if not integral:
+            return size * time
+        if b == 0.0 and c == 0.0:
+            return size * (4.0 * time + float(reduced_model.lag))
+        if b == 1.0 and (c == 1.0 or structure == "pi"):
+            return size * (theta + 4.0 * time / math.e)
+        return _simulated(size, reduced_model, structure, tc, b, c)
+    lag = float(reduced_model.lag)
+    quick = lag <= 4.0 * time
+    if kind == LOAD:
+        return (gain * time * size if quick else 4.0 * gain * time**2 * size / lag) if integral else math.nan
+    if quick and b == 1.0:
+        return size * time
+    return _simulated(size, reduced_model, "pi", tc, b, c)
+
+
+def _simulated(size: float, model: Model, structure: str, tc: float, b: float, c: float) -> float:
+    settings = replace(reference_settings(model, structure, tc), b=b, c=c)
+    return size * float(step_figures(model, settings).iae_setpoint[0])

@@ -1,0 +1,1 @@
+"""Historian exports to tables of events and loops."""

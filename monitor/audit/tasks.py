@@ -1,0 +1,327 @@
+"""An audit's work, cut into tasks: groups of loops that know nothing of each other.
+
+A task reads its loops out of all files, runs an engine of its own over them and returns what it found. Where
+and in which order tasks run (here, in a pool of processes, on a cluster) changes nothing in the result.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from importlib import import_module
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from monitor.adapters.historian.layout import LONG
+from monitor.adapters.historian.merge import OutOfOrderError, Span, in_order, rows_of, sorted_samples
+from monitor.adapters.historian.rows import Tally, UnusableError
+from monitor.adapters.historian.source import Source, scan
+from monitor.contract.loops import Loop, LoopTable
+from monitor.contract.records import Assessment, LoopRow, Record
+from monitor.engine import Engine
+from monitor.verdict.stale import Last, last_of
+
+MOST_ROWS = 50_000_000
+"""Rows of a task: what `--resume` loses at most, a second or two of detection."""
+
+
+class Part(msgspec.Struct):
+    """What one task found, or the file that stopped it."""
+
+    events: list[Assessment] = []
+    rows: list[LoopRow] = []
+    last: dict[str, Last] = {}
+    """How each loop's samples ended."""
+    first: int | None = None
+    """Time of the first sample of any loop, good or bad [ns since 1970]."""
+    newest: int | None = None
+    """Of the last one [ns since 1970]."""
+    counts: dict[str, int] = {}
+    tally: Tally = msgspec.field(default_factory=Tally)
+    unusable: tuple[str, str, int | None] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """Some loops, and where their samples are."""
+
+    loops: tuple[Loop, ...]
+    sources: tuple[Source, ...]
+    span: Span
+    groups: Mapping[str, Sequence[int]]
+    """Row groups that hold these loops, of sources where that is known."""
+
+    def identity(self, version: str) -> str:
+        """Name what the result depends on: the files as they are, the loops' facts, the settings."""
+        zone = None if self.span.zone is None else self.span.zone.key
+        facts = [
+            version,
+            [[str(s.path), s.name, s.size, s.mtime_ns, repr(s.clock)] for s in self.sources],
+            [msgspec.to_builtins(loop) for loop in self.loops],
+            [self.span.since, self.span.until, zone],
+        ]
+        return hashlib.blake2b(msgspec.msgpack.encode(facts), digest_size=16).hexdigest()
+
+
+_counter: Any = None
+"""Shared with the parent process: rows done, for its progress bar."""
+
+
+def _share(counter: Any) -> None:
+    global _counter  # noqa: PLW0603 (a pool hands its workers things in no other way)
+    _counter = counter
+
+
+def _count(rows: int) -> None:
+    if _counter is not None:
+        with _counter.get_lock():
+            _counter.value += rows
+
+
+def run_task(task: Task, done: Callable[[int], None] = _count) -> Part:
+    """Audit a task's loops. Never raises for the sake of data."""
+    wanted = {loop.name: k for k, loop in enumerate(task.loops)}
+    tally = Tally()
+    try:
+        try:
+            part = _run(task, in_order(task.sources, wanted, task.span, tally, task.groups), done)
+        except OutOfOrderError:
+            tally = Tally()
+            part = _run(task, sorted_samples(task.sources, wanted, task.span, tally), done)
+    except UnusableError as error:
+        return Part(unusable=(error.name, error.reason, error.line))
+    part.tally = tally
+    return part
+
+
+def _run(task: Task, samples: Iterator[Any], done: Callable[[int], None]) -> Part:
+    engine = Engine(LoopTable(task.loops))
+    events: list[Assessment] = []
+    times: list[int] = []
+    for batch in samples:
+        _keep(engine.step(batch), events)
+        times = [min([*times, int(batch.time.min())]), max([*times, int(batch.time.max())])]
+        done(len(batch))
+    _keep(engine.flush(), events)
+    last = {loop.name: last_of(state) for loop, state in zip(task.loops, engine.detector.state, strict=True)}
+    first, newest = times or (None, None)
+    return Part(events, engine.rows(), last, first, newest, engine.counts())
+
+
+def _keep(records: Sequence[Record], events: list[Assessment]) -> None:
+    events += [r for r in records if isinstance(r, Assessment)]
+
+
+# ---------------------------------------------------------------------------------------------------
+# cutting
+
+
+def plan(loops: Sequence[Loop], sources: Sequence[Source], span: Span, jobs: int) -> list[Task]:
+    """Cut an audit into tasks of about equal weight: at least one for each job.
+
+    Raises
+    ------
+    UnusableError
+        A file turned out to be damaged.
+    """
+    rows = sum(s.size // 40 if s.rows is None else s.rows for s in sources)
+    n = max(1, min(len(loops), max(jobs, -(-rows // MOST_ROWS))))
+    if n == 1:
+        return [Task(tuple(loops), tuple(sources), span, {})]
+    names = {loop.name for loop in loops}
+    where: dict[str, dict[str, list[int]]] = {}
+    weight = dict.fromkeys(names, 1)
+    for source in sources:
+        for g, found in enumerate(_names_in(source)):
+            for name, times in found.items():
+                if name in names:
+                    where.setdefault(name, {}).setdefault(source.name, []).append(g)
+                    weight[name] += times
+    # loops that lie together in the files stay together: each task reads as little as possible
+    place = {s.name: k for k, s in enumerate(sources)}
+    far = (len(sources), 0)
+    first = {n: min(((place[s], g[0]) for s, g in where.get(n, {}).items()), default=far) for n in names}
+    ordered = sorted(loops, key=lambda loop: (first[loop.name], loop.name))
+    return [_task(part, sources, span, where) for part in _shares(ordered, weight, n)]
+
+
+def _names_in(source: Source) -> list[dict[str, int]]:
+    """Return the loops of each row group with their rows; empty where only a full reading would tell."""
+    if source.layout.kind != LONG:
+        return [dict.fromkeys(source.loops, source.rows or source.size // 40)]
+    return scan(source) if source.format == "parquet" else []
+
+
+def _shares(loops: Sequence[Loop], weight: Mapping[str, int], n: int) -> Iterator[list[Loop]]:
+    """Cut a row of loops into n runs of about equal weight, none empty."""
+    total, so_far, share = sum(weight[loop.name] for loop in loops), 0, 0
+    part: list[Loop] = []
+    for k, loop in enumerate(loops):
+        part.append(loop)
+        so_far += weight[loop.name]
+        left = len(loops) - k - 1
+        if (
+            share < n - 1
+            and left >= n - 1 - share
+            and (so_far * n >= total * (share + 1) or left == n - 1 - share)
+        ):
+            yield part
+            part, share = [], share + 1
+    yield part
+
+
+def _task(
+    loops: Sequence[Loop],
+    sources: Sequence[Source],
+    span: Span,
+    where: Mapping[str, Mapping[str, Sequence[int]]],
+) -> Task:
+    names = {loop.name for loop in loops}
+    groups: dict[str, set[int]] = {}
+    for name in names:
+        for source, found in where.get(name, {}).items():
+            groups.setdefault(source, set()).update(found)
+    used = [s for s in sources if s.name in groups or (s.layout.kind == LONG and s.format == "csv")]
+    pruned = {s.name: sorted(groups[s.name]) for s in used if s.layout.kind == LONG and s.format == "parquet"}
+    # a task needs to know its own columns only: a wide file of a whole fleet has tens of thousands
+    return Task(tuple(loops), tuple(_narrow(s, names) for s in used), span, pruned)
+
+
+def _narrow(source: Source, names: set[str]) -> Source:
+    if source.layout.kind == LONG:
+        return source
+    columns = {name: roles for name, roles in source.layout.columns.items() if name in names}
+    return replace(source, layout=replace(source.layout, columns=columns, incomplete={}))
+
+
+# ---------------------------------------------------------------------------------------------------
+# running
+
+
+@dataclass(slots=True)
+class Progress:
+    """How far an audit is."""
+
+    rows: int = 0
+    loops: int = 0
+    all_rows: int = 0
+    """Estimated where the files do not say."""
+    all_loops: int = 0
+
+
+def run_all(
+    tasks: Sequence[Task],
+    *,
+    version: str,
+    keep: Path,
+    jobs: int = 1,
+    resume: bool = False,
+    scheduler: str | None = None,
+    progress: Callable[[Progress], None] = lambda _: None,
+) -> list[Part]:
+    """Run tasks here, in a pool, or on a cluster; return their parts in the order of the tasks.
+
+    Parameters
+    ----------
+    keep
+        Folder for the parts that are done, so that an audit that was stopped can go on.
+    resume
+        Take over such parts.
+
+    Raises
+    ------
+    ImportError
+        A scheduler is named, and dask.distributed is not installed.
+    OSError
+        A part cannot be stored, or the scheduler cannot be reached.
+    """
+    keep.mkdir(parents=True, exist_ok=True)
+    files = [keep / f"{task.identity(version)}.msgpack" for task in tasks]
+    parts: dict[int, Part] = {}
+    names = [loop.name for task in tasks for loop in task.loops]
+    sources = {s.name: s for task in tasks for s in task.sources}
+    state = Progress(
+        all_rows=sum(rows_of(s, names) for s in sources.values()),
+        all_loops=len(names),
+    )
+    if resume:
+        parts = {k: part for k, file in enumerate(files) if (part := _stored(file)) is not None}
+        state.loops = sum(len(tasks[k].loops) for k in parts)
+    open_tasks = [k for k in range(len(tasks)) if k not in parts]
+    for k, part in _results({k: tasks[k] for k in open_tasks}, jobs, scheduler, state, progress):
+        parts[k] = part
+        state.loops += len(tasks[k].loops)
+        progress(state)
+        if part.unusable is None:
+            _store(files[k], part)
+    return [parts[k] for k in range(len(tasks))]
+
+
+def _stored(file: Path) -> Part | None:
+    try:
+        return msgspec.msgpack.decode(file.read_bytes(), type=Part)
+    except (OSError, msgspec.MsgspecError):
+        return None  # not there, or torn: the task runs again
+
+
+def _store(file: Path, part: Part) -> None:
+    half = file.with_suffix(".part")
+    half.write_bytes(msgspec.msgpack.encode(part))
+    half.replace(file)
+
+
+def _results(
+    tasks: Mapping[int, Task],
+    jobs: int,
+    scheduler: str | None,
+    state: Progress,
+    progress: Callable[[Progress], None],
+) -> Iterator[tuple[int, Part]]:
+    if scheduler is not None and tasks:
+        yield from _on_cluster(tasks, scheduler)
+    elif jobs > 1 and len(tasks) > 1:
+        yield from _in_pool(tasks, jobs, state, progress)
+    else:
+
+        def done(rows: int) -> None:
+            state.rows += rows
+            progress(state)
+
+        for k, task in tasks.items():
+            yield k, run_task(task, done)
+
+
+def _in_pool(
+    tasks: Mapping[int, Task], jobs: int, state: Progress, progress: Callable[[Progress], None]
+) -> Iterator[tuple[int, Part]]:
+    # spawn: a fork after threads were started (Arrow's, numba's) can hang
+    context = get_context("spawn")
+    counter = context.Value("q", 0)
+    with ProcessPoolExecutor(min(jobs, len(tasks)), context, _share, (counter,)) as pool:
+        waiting = {pool.submit(run_task, task): k for k, task in tasks.items()}
+        while waiting:
+            try:
+                for future in as_completed(list(waiting), timeout=0.2):
+                    yield waiting.pop(future), future.result()
+            except TimeoutError:
+                state.rows = counter.value
+                progress(state)
+        state.rows = counter.value
+
+
+def _on_cluster(tasks: Mapping[int, Task], scheduler: str) -> Iterator[tuple[int, Part]]:
+    try:
+        dask: Any = import_module("distributed")  # an extra
+    except ImportError:
+        raise ImportError(
+            "--scheduler: dask.distributed is not installed, expected: pip install 'loopsight[cluster]'"
+        ) from None
+    with dask.Client(scheduler) as client:
+        futures = {client.submit(run_task, task, pure=False): k for k, task in tasks.items()}
+        for future in dask.as_completed(list(futures)):
+            yield futures[future], future.result()

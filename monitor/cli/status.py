@@ -1,0 +1,80 @@
+"""Driver of ``loopsight status``: asks monitors over Zenoh, prints what an operator wants to know."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from monitor.adapters.zenoh_bus import ask, open_session
+from monitor.contract.records import WORST_FIRST
+
+PATIENCE = 3.0
+"""How long monitors may take to answer [s]."""
+REFUSED = (
+    "bad_value", "bad_quality", "duplicate", "late", "future", "bad_time", "malformed", "too_large",
+    "unknown_loop", "missed_frames", "repeated_frames", "dropped", "crowded", "given_up", "unsaid",
+)  # fmt: skip
+
+
+def ask_monitors(endpoint: str) -> list[dict[str, Any]]:
+    """Return the health of every monitor that answers at an endpoint.
+
+    Raises
+    ------
+    BusError
+        Nothing listens there.
+    """
+    session = open_session("client", connect=[endpoint])
+    try:
+        replies = ask(session, "loopsight/@/*/status", PATIENCE)
+    finally:
+        session.close()
+    return [msgspec.json.decode(payload, type=dict[str, Any]) for _, payload in replies]
+
+
+def show(answers: list[dict[str, Any]], as_json: bool) -> None:
+    """Print the answers: JSON, one object a line, or lines for a reader."""
+    for answer in answers:
+        print(msgspec.json.encode(answer).decode() if as_json else "\n".join(_lines(answer)))  # noqa: T201
+
+
+def _lines(answer: dict[str, Any]) -> list[str]:
+    loops = answer["loops"]
+    refused = ", ".join(f"{answer[n]} {n.replace('_', ' ')}" for n in REFUSED if answer.get(n))
+    rates = answer["rates"]
+    verdicts = ", ".join(f"{loops[v]} {v.replace('_', ' ')}" for v in WORST_FIRST)
+    lines = [
+        f"monitor {answer['id']}: {_ready(answer)}, up {answer['uptime']:.0f} s",
+        f"  loops     {loops['total']}: {verdicts}; {loops['open']} events open, {loops['stale']} stale",
+        f"  samples   {answer['samples_ok']} good, {rates['samples']}/s in {rates['messages']} messages/s",
+        f"  refused   {refused or 'nothing'}",
+        f"  waiting   {answer['queue']} messages, {answer['held']} samples held for order, {answer['backlog']} events",
+        f"  behind    {answer.get('latency', 0.0):.1f} s",
+        f"  flagged   {', '.join(answer['flagged']) or 'none'}",
+    ]
+    further = {
+        "stale": answer.get("stale"),
+        "clocks": _clocks(answer),
+        "unknown": answer.get("unknown"),
+    }
+    for what, names in further.items():
+        if names:
+            lines.append(f"  {what:<9} {', '.join(map(_plain, names))}")
+    return lines
+
+
+def _ready(answer: dict[str, Any]) -> str:
+    if answer["ready"]:
+        return "ready"
+    why = {"store": "the store fails", "silent": "no loop sends"}
+    return f"NOT READY ({', '.join(why.get(w, _plain(w)) for w in answer.get('not_ready', ['store']))})"
+
+
+def _clocks(answer: dict[str, Any]) -> list[str]:
+    steps = answer.get("clock_steps")
+    return [*([f"{steps} set back"] if steps else []), *(f"{n} ahead" for n in answer.get("clock_ahead", []))]
+
+
+def _plain(text: str) -> str:
+    return "".join(c if c.isprintable() else "?" for c in text)

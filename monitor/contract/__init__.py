@@ -1,0 +1,1 @@
+"""What crosses the threshold: samples, loops, records, evidence, times, text, keys."""

@@ -1,0 +1,167 @@
+"""The streaming kernel: one sample of one loop at a time, in O(1) memory and a few additions.
+
+While a loop is quiet its baseline is kept (mean PV and OP, noise of the error). A set-point step opens an
+event: its integrals run, its samples go to a window. The event closes when the error lies still again
+(`settled`), when something cuts in (`interrupted`), or when it takes too long (`timeout`).
+
+The same compiled function serves a live frame (many loops, one sample each) and an audit (one loop, a
+million samples); nothing in it depends on how the samples were batched.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor.contract.loops import Loop
+from monitor.contract.samples import Samples
+from monitor.health.observe import HEALTH
+
+from . import kernel
+from .state import BY_END, CLOSED, EVENT_OUT, PARAM, RING, STATE, TOO_LARGE, WINDOW
+
+OUT = np.dtype([*EVENT_OUT, ("loop_health", HEALTH), ("loop_state", STATE)])
+"""An event handed out; a closed one with the loop's health and state of that moment, so that what is concluded
+does not depend on how the samples were batched."""
+
+
+class Detector:
+    """The state of all loops, and the way from samples to events.
+
+    Parameters
+    ----------
+    loops
+        The loops' ranges, limits and nominal periods are taken from the table; more are added with `add`.
+    """
+
+    def __init__(self, loops: list[Loop]) -> None:
+        self.param = np.zeros(0, PARAM)
+        self.state = np.zeros(0, STATE)
+        self.health = np.zeros(0, HEALTH)
+        self.ring = np.zeros((0, RING, 3))
+        self.ring_time = np.zeros((0, RING), np.int64)
+        self.coarse = np.zeros((0, RING, 3))
+        self.coarse_time = np.zeros((0, RING), np.int64)
+        self.slab = np.zeros((0, WINDOW, 4))
+        self.free = np.zeros(0, np.int64)
+        self.n_free = np.zeros(1, np.int64)
+        self.out = np.zeros(256, OUT)
+        self.add(loops)
+
+    def add(self, loops: list[Loop]) -> None:
+        """Add rows for these loops, others untouched."""
+        param, state = np.zeros(len(loops), PARAM), np.zeros(len(loops), STATE)
+        for row, loop in zip(param, loops, strict=True):
+            _fill(row, loop)
+        state["slot"] = -1
+        state["period"] = param["period"]
+        self.param = np.concatenate([self.param, param])
+        self.state = np.concatenate([self.state, state])
+        n = len(self.state)
+        self.health = _grown(self.health, n)
+        self.ring = _grown(self.ring, n)
+        self.ring_time = _grown(self.ring_time, n)
+        self.coarse = _grown(self.coarse, n)
+        self.coarse_time = _grown(self.coarse_time, n)
+
+    def forget(self, row: int) -> None:
+        """Make a loop's row as new, for another loop; no event of it is open."""
+        for array in (self.state, self.health):
+            array[row] = 0
+        self.state["slot"][row] = -1
+        _fill(self.param[row], Loop(name="-"))
+
+    @property
+    def per_loop(self) -> dict[str, NDArray[Any]]:
+        """What is known of the loops beyond the table: arrays with a row for each."""
+        names = ("state", "health", "ring", "ring_time", "coarse", "coarse_time")
+        return {name: getattr(self, name) for name in names}
+
+    def adopt(self, row: int, known: dict[str, Any], window: NDArray[np.float64]) -> None:
+        """Go on with a loop whose event was open in another detector.
+
+        Parameters
+        ----------
+        known
+            The loop's row of each array of `per_loop`.
+        window
+            (WINDOW, 4) of its event, a row of ``slab``.
+        """
+        self._make_room()
+        self.n_free[0] -= 1
+        slot = self.free[self.n_free[0]]
+        for name, array in self.per_loop.items():
+            array[row] = known[name]
+        self.slab[slot] = window
+        self.state["slot"][row] = slot
+
+    def run(self, samples: Samples) -> list[tuple[Any, NDArray[np.float64]]]:
+        """Take in samples; return what opened and closed, in the samples' order.
+
+        Returns
+        -------
+        list of (event, window)
+            ``event`` is a row of dtype `OUT`; ``window`` is (n, 4): time from the onset [s], SP [PV], PV,
+            OP held until the next point (empty for an opening).
+        """
+        found: list[tuple[Any, NDArray[np.float64]]] = []
+        at = 0
+        while at < len(samples):
+            self._make_room()
+            at, n = kernel.run(
+                self.state, self.health, self.param, self.ring, self.ring_time, self.coarse, self.coarse_time,
+                self.slab, self.free, self.n_free, self.out,
+                samples.loop, samples.time, samples.sp, samples.pv, samples.op, samples.auto, samples.quality, at,
+            )  # fmt: skip
+            found += self._drain(n)
+        return found
+
+    def flush(self, loops: Any = None, cause: int = BY_END) -> list[tuple[Any, NDArray[np.float64]]]:
+        """Close the open events of these rows (default: all) as interrupted, by default by the end of the data."""
+        found: list[tuple[Any, NDArray[np.float64]]] = []
+        for row in np.flatnonzero(self.state["slot"] >= 0) if loops is None else loops:
+            found += self._drain(
+                kernel.flush(self.state, self.health, self.free, self.n_free, self.out, row, cause)
+            )
+        return found
+
+    def _make_room(self) -> None:
+        """Have at least one free slot; the slab doubles, so that an upset of the whole plant costs few copies."""
+        if self.n_free[0] > 0:
+            return
+        n = len(self.slab)
+        more = min(max(n, 16), max(2 * len(self.state), 16))
+        self.slab = _grown(self.slab, n + more)
+        self.free = _grown(np.arange(n + more - 1, n - 1, -1), n + more)
+        self.n_free[0] = more
+
+    def _drain(self, n: int) -> list[tuple[Any, NDArray[np.float64]]]:
+        found = []
+        for event in self.out[:n].copy():
+            window = np.zeros((0, 4))
+            if event["what"] == CLOSED:
+                window = self.slab[event["slot"], : event["points"]].copy()
+                self.free[self.n_free[0]] = event["slot"]
+                self.n_free[0] += 1
+            found.append((event, window))
+        self.out[:n] = np.zeros((), OUT)  # an opening fills only part of its row
+        return found
+
+
+def _fill(row: Any, loop: Loop) -> None:
+    """Write a loop's facts to its row of parameters; PV counts as real within ten spans around its range."""
+    row["period"] = 0.0 if loop.period is None else loop.period
+    row["pv_min"], row["pv_max"] = -TOO_LARGE, TOO_LARGE
+    if loop.pv_low is not None and loop.pv_high is not None:
+        span = loop.pv_high - loop.pv_low
+        row["pv_min"], row["pv_max"] = loop.pv_low - 10 * span, loop.pv_high + 10 * span
+    row["op_low"] = -np.inf if loop.op_low is None else loop.op_low
+    row["op_high"] = np.inf if loop.op_high is None else loop.op_high
+
+
+def _grown(array: NDArray[Any], n: int) -> NDArray[Any]:
+    out = np.zeros((n, *array.shape[1:]), array.dtype)
+    out[: len(array)] = array
+    return out

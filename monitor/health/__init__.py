@@ -1,0 +1,1 @@
+"""Each sample to a loop's condition."""

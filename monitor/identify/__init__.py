@@ -1,0 +1,1 @@
+"""An event's window to a process model with intervals."""

@@ -1,0 +1,145 @@
+"""A model's exact response, compiled: to held input, to a load step, and in a closed loop.
+
+``kind`` is 0 for an integrating, 1 for a self-regulating process. Types are inferred by numba.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from monitor.detect.state import jit
+
+
+@jit
+def _lagged(t, u, tau):
+    """Response of 1/(tau s + 1) to the held input at the points themselves, from rest."""
+    z = np.zeros(len(t))
+    last, decay = -1.0, 0.0
+    for k in range(len(t) - 1):
+        dt = t[k + 1] - t[k]
+        if tau > 0.0:
+            if abs(dt - last) > 1e-9 * dt:  # an exponential costs more than all the rest
+                last, decay = dt, np.exp(-dt / tau)
+        else:
+            decay = 0.0
+        z[k + 1] = u[k] + (z[k] - u[k]) * decay
+    return z
+
+
+@jit
+def _shares(kind, lag, lag2):
+    """Partial fractions of the lags: (second lag, weight of the first's output, weight of the second's)."""
+    if lag2 <= 0.0:
+        return 0.0, lag if kind == 0 else 1.0, 0.0
+    if abs(lag - lag2) < 1e-3 * lag:
+        lag2 = lag * (1.0 - 1e-3)
+    first, second = lag / (lag - lag2), lag2 / (lag - lag2)
+    return (lag2, first * lag, second * lag2) if kind == 0 else (lag2, first, second)
+
+
+@jit
+def response_at(at, t, u, kind, dead_time, lag, lag2):
+    """Response of the unit-gain model at the times ``at`` to input held from each of the times ``t`` on.
+
+    Exact for any dead time, uneven points, equal lags. Integrating: ``1/(s (lag s + 1)(lag2 s + 1))``, whose
+    partial fractions are the input's integral less the weighted outputs of the lags.
+    """
+    n = len(t)
+    x = np.zeros(len(at))
+    lag2, w1, w2 = _shares(kind, lag, lag2)
+    z1 = _lagged(t, u, lag)
+    z2 = _lagged(t, u, lag2) if lag2 > 0.0 else z1
+    s = np.zeros(n)
+    for k in range(n - 1):
+        s[k + 1] = s[k] + u[k] * (t[k + 1] - t[k])
+    j = 0
+    last, e1, e2 = -1.0, 1.0, 1.0
+    for i in range(len(at)):
+        shown = at[i] - dead_time
+        if shown <= t[0]:
+            continue
+        # PV is measured before OP moves: at the instant of a move the old OP still counts
+        while j + 1 < n and t[j + 1] < shown:
+            j += 1
+        h = shown - t[j]
+        if abs(h - last) > 1e-9 * (abs(h) + dead_time):
+            last = h
+            e1 = np.exp(-h / lag) if lag > 0.0 else 0.0
+            e2 = np.exp(-h / lag2) if lag2 > 0.0 else 0.0
+        y = w1 * (u[j] + (z1[j] - u[j]) * e1)
+        if lag2 > 0.0:
+            y -= w2 * (u[j] + (z2[j] - u[j]) * e2)
+        x[i] = s[j] + u[j] * h - y if kind == 0 else y
+    return x
+
+
+@jit
+def response(t, u, kind, dead_time, lag, lag2):
+    """Response of the unit-gain model at the points of its own input."""
+    return response_at(t, t, u, kind, dead_time, lag, lag2)
+
+
+@jit
+def load_response(age, kind, gain, dead_time, lag, lag2):
+    """Response of PV, at these (rising) ages of a load step of one unit of OP at the input; 0 before it shows."""
+    y = np.zeros(len(age))
+    lag2, w1, w2 = _shares(kind, lag, lag2)
+    last, dt, d1, d2, e1, e2 = 0.0, -1.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(len(age)):
+        h = age[k] - dead_time
+        if h <= 0.0:
+            continue
+        if dt < 0.0:  # the first one
+            e1 = np.exp(-h / lag) if lag > 0.0 else 0.0
+            e2 = np.exp(-h / lag2) if lag2 > 0.0 else 0.0
+            dt = 0.0
+        else:
+            if abs(h - last - dt) > 1e-9 * h:
+                dt = h - last
+                d1 = np.exp(-dt / lag) if lag > 0.0 else 0.0
+                d2 = np.exp(-dt / lag2) if lag2 > 0.0 else 0.0
+            e1, e2 = e1 * d1, e2 * d2
+        last = h
+        shown = w1 * (1.0 - e1) - w2 * (1.0 - e2)
+        y[k] = gain * (h - shown if kind == 0 else shown)
+    return y
+
+
+@jit
+def closed_loop(r, period, kind, gain, dead_time, lag, lag2, kp, ki, kd, tf, b, c):
+    """PV of the loop from rest, scan by scan: the model under a PID (standard form, backward differences).
+
+    ``r`` is the set point as deviation. OP is held over a scan; a dead time between scans splits the hold.
+    """
+    n = len(r)
+    y, u = np.zeros(n), np.zeros(n)
+    if lag2 > 0.0 and abs(lag - lag2) < 1e-3 * lag:
+        lag2 = lag * (1.0 - 1e-3)
+    late = int(dead_time / period)
+    part = dead_time - late * period  # of each scan under the older output
+    rest = period - part
+    a1, a2 = (np.exp(-part / lag), np.exp(-rest / lag)) if lag > 0.0 else (0.0, 0.0)
+    b1, b2 = (np.exp(-part / lag2), np.exp(-rest / lag2)) if lag2 > 0.0 else (0.0, 0.0)
+    s = z1 = z2 = integral = slope = before = 0.0
+    for k in range(n):
+        if kind == 0:
+            y[k] = gain * (s - lag * z1)
+        elif lag2 > 0.0:
+            y[k] = gain * (lag * z1 - lag2 * z2) / (lag - lag2)
+        else:
+            y[k] = gain * z1
+        e = r[k] - y[k]
+        integral += ki * e * period
+        now = c * r[k] - y[k]
+        slope = (tf * slope + now - before) / (tf + period)
+        before = now
+        u[k] = kp * (b * r[k] - y[k]) + integral + kd * slope
+        if not abs(u[k]) < 1e12:  # the model is unstable: far from any fit
+            y[k:] = 1e12
+            return y
+        older = u[k - late - 1] if k > late else 0.0
+        newer = u[k - late] if k >= late else 0.0
+        s += older * part + newer * rest
+        z1 = newer + (older + (z1 - older) * a1 - newer) * a2
+        z2 = newer + (older + (z2 - older) * b1 - newer) * b2
+    return y

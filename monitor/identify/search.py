@@ -1,0 +1,391 @@
+"""The compiled part of a fit: the search for a model's parameters.
+
+``kind`` is 0 for an integrating, 1 for a self-regulating process under a set-point step, and 2 and 3 for the
+same under a load step. A model's parameters are ``p = (dead time [s], lag [s], second lag as a share of the
+first, time of the load step [s])``; gain, load size and rest follow linearly (variable projection, Golub &
+Pereyra 1973). Types are inferred by numba.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from monitor.detect.state import jit
+
+from .response import load_response, response_at
+
+DEAD, LAG, SHARE, ONSET = range(4)
+"""Places of the parameters."""
+MOST_SHARE = 0.99
+"""Of the second lag in the first; partial fractions need two different lags."""
+MOST_POINTS = 500
+"""Points above which a window is searched in blocks of mean values: long blocks look like a lag."""
+NODES = 6
+"""Dead times, from that of the best single lag down to nothing, from which the best model is looked for."""
+STEPS = 30
+"""Most steps of a descent (Levenberg-Marquardt)."""
+
+
+@jit
+def project(x, t, kind):
+    """Take mean (and, integrating, slope) out of a column, in place: c0 and c1 need no search."""
+    n = len(x)
+    x -= x.mean()
+    if kind == 0:
+        middle = t.mean()
+        top = bottom = 0.0
+        for i in range(n):
+            top += (t[i] - middle) * x[i]
+            bottom += (t[i] - middle) ** 2
+        slope = top / bottom
+        for i in range(n):
+            x[i] -= slope * (t[i] - middle)
+    return x
+
+
+@jit
+def columns(at, t, u, kind, p):
+    """Return what OP and what a load step of one unit do to PV, gain 1, projected; the latter empty without one."""
+    lag2 = p[SHARE] * p[LAG]
+    x = project(response_at(at, t, u, kind % 2, p[DEAD], p[LAG], lag2), at, kind)
+    if kind < 2:
+        return x, np.zeros(0)
+    return x, project(load_response(at - p[ONSET], kind % 2, 1.0, p[DEAD], p[LAG], lag2), at, kind)
+
+
+@jit
+def evaluate(at, t, u, py, kind, p, r):
+    """Best gain, gain times load size, and residual sum of squares; the residuals go to ``r``.
+
+    ``py`` is PV, projected.
+    """
+    x, g = columns(at, t, u, kind, p)
+    xx = xg = gg = xy = gy = 0.0
+    for i in range(len(x)):
+        xx += x[i] * x[i]
+        xy += x[i] * py[i]
+    for i in range(len(g)):
+        xg += x[i] * g[i]
+        gg += g[i] * g[i]
+        gy += g[i] * py[i]
+    gain, load = xy / xx, 0.0
+    if kind >= 2:
+        det = xx * gg - xg * xg
+        if det <= 1e-14 * xx * gg:
+            return 0.0, 0.0, np.inf
+        gain, load = (gg * xy - xg * gy) / det, (xx * gy - xg * xy) / det
+    if not xx > 0.0:
+        return 0.0, 0.0, np.inf
+    rss = 0.0
+    for i in range(len(x)):
+        r[i] = py[i] - gain * x[i]
+        if kind >= 2:
+            r[i] -= load * g[i]
+        rss += r[i] * r[i]
+    return gain, load, rss
+
+
+@jit
+def _solve(a, b, n):
+    """Solve a x = b for the first n unknowns, in place (Gauss with pivots); whether there is a solution."""
+    for i in range(n):
+        m = i
+        for j in range(i + 1, n):
+            if abs(a[j, i]) > abs(a[m, i]):
+                m = j
+        if not abs(a[m, i]) > 0.0:
+            return False
+        for c in range(n):
+            a[i, c], a[m, c] = a[m, c], a[i, c]
+        b[i], b[m] = b[m], b[i]
+        for j in range(i + 1, n):
+            f = a[j, i] / a[i, i]
+            for c in range(i, n):
+                a[j, c] -= f * a[i, c]
+            b[j] -= f * b[i]
+    for i in range(n - 1, -1, -1):
+        for c in range(i + 1, n):
+            b[i] -= a[i, c] * b[c]
+        b[i] /= a[i, i]
+    return True
+
+
+@jit
+def _normal(at, t, u, py, kind, p, r, free, high, weight, a, b, which):
+    """Fill the normal equations of the parameters that are free and not held by a bound; return their number.
+
+    ``weight`` is that of the prior on the second lag's share, in units of the residual sum of squares.
+    """
+    n, k = len(r), len(free)
+    jacobian, trial, q = np.empty((k, n)), np.empty(n), p.copy()
+    scale = p[DEAD] + p[LAG] * (1.0 + p[SHARE]) + (at[-1] - at[0]) / n
+    m = 0
+    for c in range(k):
+        f = free[c]
+        h = 1e-3 if f == SHARE else 1e-3 * scale
+        if p[f] + h > high[f]:
+            h = -h
+        q[f] = p[f] + h
+        evaluate(at, t, u, py, kind, q, trial)
+        q[f] = p[f]
+        slope = 0.0
+        for i in range(n):
+            jacobian[m, i] = (r[i] - trial[i]) / h
+            slope += jacobian[m, i] * r[i]
+        slope -= weight * p[f] if f == SHARE else 0.0
+        low = at[0] if f == ONSET else 0.0
+        if not np.isfinite(slope) or (p[f] <= low and slope < 0.0) or (p[f] >= high[f] and slope > 0.0):
+            continue
+        which[m], b[m] = f, slope
+        m += 1
+    for c in range(m):
+        for d in range(c, m):
+            total = 0.0
+            for i in range(n):
+                total += jacobian[c, i] * jacobian[d, i]
+            a[c, d] = a[d, c] = total
+        if which[c] == SHARE:
+            a[c, c] += weight
+    return m
+
+
+@jit
+def descend(at, t, u, py, kind, start, free, high, weight, steps, close):
+    """Levenberg-Marquardt within bounds over the free parameters: (p, gain, gain times load size, rss, cost).
+
+    ``cost`` is the residual sum of squares plus the prior's share of it. Ends when a step gains less than
+    ``close`` of the cost.
+    """
+    p, r, trial = start.copy(), np.empty(len(at)), np.empty(len(at))
+    gain, load, rss = evaluate(at, t, u, py, kind, p, r)
+    cost = rss + weight * p[SHARE] ** 2
+    a, b, which = np.zeros((4, 4)), np.zeros(4), np.zeros(4, dtype=np.int64)
+    damping = 1e-3
+    for _ in range(steps):
+        m = _normal(at, t, u, py, kind, p, r, free, high, weight, a, b, which)
+        gained = 0.0
+        for _ in range(8 if m > 0 else 0):
+            aa, x = a.copy(), b.copy()
+            for c in range(m):
+                aa[c, c] *= 1.0 + damping
+            damping *= 4.0
+            if not _solve(aa, x, m):
+                continue
+            q = p.copy()
+            for c in range(m):
+                f = which[c]
+                # towards no lag by degrees: from there all slopes towards a lag are 0, and no way leads out
+                low = at[0] if f == ONSET else 0.3 * p[f] if f == LAG else 0.0
+                q[f] = min(max(p[f] + x[c], low), high[f])
+            found = evaluate(at, t, u, py, kind, q, trial)
+            value = found[2] + weight * q[SHARE] ** 2
+            if value < cost:
+                gained = cost - value
+                p, cost = q, value
+                r, trial = trial, r
+                gain, load, rss = found
+                damping = max(damping / 20.0, 1e-9)
+                break
+        if gained <= close * cost:
+            break
+    return p, gain, load, rss, cost
+
+
+@jit
+def blocks(t, u, y, most):
+    """Thin a window to about ``most`` points: (times of PV, PV, times of OP, OP), means over blocks.
+
+    OP is a block's mean, held from its first time on; PV is the mean, at the mean time.
+    """
+    size = (len(t) + most - 1) // most
+    n = len(t) // size
+    at, yy, tt, uu = np.zeros(n), np.zeros(n), np.empty(n), np.empty(n)
+    for k in range(n):
+        first, end = k * size, min((k + 1) * size, len(t) - 1)
+        tt[k] = t[first]
+        area = 0.0
+        for j in range(first, end):
+            area += u[j] * (t[j + 1] - t[j])
+        uu[k] = area / (t[end] - tt[k]) if t[end] > tt[k] else u[first]
+        for j in range(first, first + size):
+            at[k] += t[j] / size
+            yy[k] += y[j] / size
+    return at, yy, tt, uu
+
+
+@jit
+def bounds(t, kind):
+    """Upper bounds of the parameters: an integrating process shows its lags in half a window, or never."""
+    longest = t[-1] if kind % 2 else 0.5 * t[-1]
+    return np.array([longest, 20.0 * longest, MOST_SHARE, 0.0])
+
+
+@jit
+def _coarse(at, t, u, py, kind):
+    """Best parameters of a model with one lag on a coarse grid."""
+    r = np.empty(len(at))
+    step = (at[-1] - at[0]) / len(at)
+    high = bounds(t, kind)
+    many, onsets = (6, 6) if kind >= 2 else (10, 1)
+    best, least = np.array([0.0, step, 0.0, 0.0]), np.inf
+    p = best.copy()
+    for a in range(many):
+        p[DEAD] = 0.0 if a == 0 else step * (0.5 * t[-1] / step) ** ((a - 1) / (many - 1))
+        for b in range(many):
+            p[LAG] = 0.0 if b == 0 else step * (high[DEAD] / step) ** ((b - 1) / (many - 1))
+            for c in range(onsets):
+                if kind >= 2:  # far back and, ever more closely, shortly before it was noticed
+                    p[ONSET] = -2.0 * step * (-at[0] / (2.0 * step)) ** (c / (onsets - 1))
+                rss = evaluate(at, t, u, py, kind, p, r)[2]
+                if rss < least:
+                    best, least = p.copy(), rss
+    return best
+
+
+@jit
+def moved(p, dead_time, kind, high, first):
+    """Where to look for the best model at another dead time: what it loses, onset and second lag take up."""
+    q = p.copy()
+    less = p[DEAD] - dead_time
+    q[DEAD] = dead_time
+    if kind >= 2:
+        q[ONSET] = min(max(p[ONSET] + 0.9 * less, first), 0.0)
+    q[SHARE] = min(max(p[SHARE] + 0.7 * less / max(p[LAG], 1e-9 * high[LAG]), 0.005), MOST_SHARE - 0.01)
+    return q
+
+
+@jit
+def search(at, t, u, py, kind, second):
+    """Best parameters of a window with two lags (``second``; else with one), and with one lag.
+
+    A coarse grid, the best single lag, then down the valley of ever less dead time: dead time, second lag and
+    onset share what the data say; the valley is long, narrow and bent, and has false ends.
+    """
+    high = bounds(t, kind)
+    with_onset = kind >= 2
+    single = np.array([DEAD, LAG, ONSET]) if with_onset else np.array([DEAD, LAG])
+    beside = np.array([LAG, SHARE, ONSET]) if with_onset else np.array([LAG, SHARE])
+    every = np.array([DEAD, LAG, SHARE, ONSET]) if with_onset else np.array([DEAD, LAG, SHARE])
+    thin = max(len(at) // 100, 1)
+    few = at[::thin].copy()
+    p = _coarse(few, t, u, project(py[::thin].copy(), few, kind), kind)
+    p, _, _, least, _ = descend(at, t, u, py, kind, p, single, high, 0.0, 20, 1e-5)
+    single_lag = p.copy()
+    t0 = p[LAG] + p[DEAD]
+    for share in (0.25, 0.5):
+        if single_lag[LAG] < 0.1 * single_lag[DEAD]:
+            p[DEAD], p[LAG] = (1.0 - share) * t0, share * t0
+            p, _, _, rss, _ = descend(at, t, u, py, kind, p, single, high, 0.0, 20, 1e-5)
+            if rss < least:
+                single_lag, least = p.copy(), rss
+    p, best, top = single_lag.copy(), single_lag.copy(), single_lag[DEAD]
+    for k in range(NODES if second else 0):
+        dead_time = top * (1.0 - k / (NODES - 1))
+        p, _, _, rss, _ = descend(
+            at, t, u, py, kind, moved(p, dead_time, kind, high, at[0]), beside, high, 0.0, 10, 1e-3
+        )
+        if rss < least:
+            best, least = p.copy(), rss
+    if second:
+        best = descend(at, t, u, py, kind, best, every, high, 0.0, STEPS, 1e-7)[0]
+    return best, single_lag
+
+
+@jit
+def walk(at, t, u, py, kind, start, stride, weight, scale):
+    """Walk along the valley, to less and to more dead time, until it is left: (n, 7) p, gain, load, likelihood.
+
+    Parameters
+    ----------
+    start
+        The best parameters.
+    stride
+        First step of the dead time [s].
+    weight
+        Of the prior on the second lag's share, in units of the residual sum of squares.
+    scale
+        Log-likelihood per unit of the residual sum of squares.
+    """
+    high = bounds(t, kind)
+    beside = np.array([LAG, SHARE, ONSET]) if kind >= 2 else np.array([LAG, SHARE])
+    out = np.empty((17, 7))
+    p0, gain, load, _, cost0 = descend(at, t, u, py, kind, start, beside, high, weight, 1, 1e-4)
+    out[0, :4], out[0, 4], out[0, 5], out[0, 6] = p0, gain, load, -scale * cost0
+    n = 1
+    for side in (-1.0, 1.0):
+        p, step, last, best = p0.copy(), stride, -scale * cost0, -scale * cost0
+        for _ in range(8):
+            dead_time = min(max(p[DEAD] + side * step, 0.0), high[DEAD])
+            if dead_time == p[DEAD]:
+                break
+            q, gain, load, _, cost = descend(
+                at, t, u, py, kind, moved(p, dead_time, kind, high, at[0]), beside, high, weight, 12, 1e-4
+            )
+            stay = p.copy()
+            stay[DEAD], stay[SHARE] = dead_time, max(p[SHARE], 0.005)
+            if -scale * cost < last:
+                other = descend(at, t, u, py, kind, stay, beside, high, weight, 12, 1e-4)
+                if other[4] < cost:
+                    q, gain, load, _, cost = other
+            p = q
+            now = -scale * cost
+            out[n, :4], out[n, 4], out[n, 5], out[n, 6] = p, gain, load, now
+            n += 1
+            best = max(best, now)
+            if best - now > 4.0:
+                break
+            if abs(now - last) < 0.5:
+                step *= 1.7
+            elif last - now > 1.5:
+                step *= 0.6
+            last = now
+    return out[:n]
+
+
+@jit
+def slopes(at, t, u, kind, p, gain, load):
+    """PV's change per unit of ln gain, lag, second lag, dead time [s], and for a load its onset [s] and ln size.
+
+    Secants of 5 % of T0: at lags of zero the tangents of lags and dead time coincide. All is projected.
+    """
+    lags = np.array([p[LAG], p[SHARE] * p[LAG], p[DEAD], p[ONSET]])
+    step = 0.05 * (lags[0] + lags[1] + lags[2]) + 0.05 * (at[-1] - at[0]) / len(at)
+    m = 6 if kind >= 2 else 4
+    out = np.zeros((len(at), m))
+    for k in range(1, min(m, 5)):
+        ahead, behind = lags.copy(), lags.copy()
+        ahead[k - 1] += step
+        behind[k - 1] -= step
+        if k < 4:
+            behind[k - 1] = max(behind[k - 1], 0.0)
+        for side, v in ((1.0, ahead), (-1.0, behind)):
+            share = min(v[0], v[1]) / max(v[0], v[1]) if v[0] + v[1] > 0.0 else 0.0
+            x, g = columns(at, t, u, kind, np.array([v[2], max(v[0], v[1]), share, v[3]]))
+            for i in range(len(at)):
+                out[i, k] += side * gain * x[i] / (ahead[k - 1] - behind[k - 1])
+                if m == 6:
+                    out[i, k] += side * load * g[i] / (ahead[k - 1] - behind[k - 1])
+    x, g = columns(at, t, u, kind, p)
+    for i in range(len(at)):
+        out[i, 0] = gain * x[i]
+        if m == 6:
+            out[i, 0] += load * g[i]
+            out[i, 5] = load * g[i]
+    return out
+
+
+@jit
+def of_pulses(at, kind, gain, p, first, end, area, inverse):
+    """Return what pulses of OP between these times, of these areas [OP s], do to parameters: (parameters, pulses).
+
+    ``inverse`` (parameters, n) is the pseudo-inverse of PV's change per unit of each.
+    """
+    out = np.zeros((len(inverse), len(first)))
+    for k in range(len(first)):
+        on = load_response(at - first[k], kind % 2, gain, p[DEAD], p[LAG], p[SHARE] * p[LAG])
+        off = load_response(at - end[k], kind % 2, gain, p[DEAD], p[LAG], p[SHARE] * p[LAG])
+        for i in range(len(at)):
+            moved = (on[i] - off[i]) * area[k] / (end[k] - first[k])
+            for j in range(len(inverse)):
+                out[j, k] += inverse[j, i] * moved
+    return out

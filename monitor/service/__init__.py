@@ -1,0 +1,1 @@
+"""The long-running monitor: bus to engine to store to bus."""

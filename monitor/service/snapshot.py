@@ -1,0 +1,192 @@
+"""Open events outlive a kill: the numeric state of their loops, written every few seconds, read at the next start.
+
+Only loops with an open event are kept: all others begin anew after a restart as after any gap. The samples between
+the last writing and the first sample afterwards are such a gap too: what it does to the event, the detector decides,
+as for any gap. Plain arrays, no code: a file of other layouts is left alone.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor.contract.loops import LoopTable
+from monitor.contract.records import event_id
+from monitor.detect.detector import Detector
+from monitor.engine import Engine
+
+from .reorder import HELD, Order
+
+log = logging.getLogger("loopsight")
+
+MOST = 500
+"""Loops that are kept, about 50 kB each: in an upset of the whole plant the first ones."""
+
+
+class OpenEvents:
+    """The file of open events; without a path it keeps nothing.
+
+    Parameters
+    ----------
+    path
+        ``open.npz`` in the state folder.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self.path = path
+        self._any = True
+
+    def keep(self, engine: Engine, order: Order, now: int) -> None:
+        """Write the state of loops with an open event, once more when there is none left; ``now`` [ns since 1970]."""
+        any_open = bool((engine.detector.state["slot"] >= 0).any())
+        if self.path is None or not (any_open or self._any):
+            return
+        try:
+            write(self.path, take(engine.loops, engine.detector, order, now))
+        except OSError as error:
+            log.debug("%s: %s", self.path, error)  # that the disk fails is said by the store
+            return
+        self._any = any_open
+
+    def take_up(
+        self,
+        engine: Engine,
+        order: Order,
+        row_of: Callable[[str, str], int],
+        is_over: Callable[[str], bool],
+        now: int,
+        arrival: float,
+    ) -> set[str]:
+        """Go on with the events that were open; return their ids.
+
+        Parameters
+        ----------
+        row_of
+            A loop's row in the table by name and key, -1 where it is not watched any more.
+        is_over
+            Whether the event of an id has closed since the snapshot: it is not opened again.
+        now
+            [ns since 1970]
+        arrival
+            Monotonic time [s].
+        """
+        found = None if self.path is None else read(self.path)
+        if found is None or not len(found.names):
+            return set()
+        rows = np.array(
+            [row_of(str(n), str(k)) for n, k in zip(found.names, found.keys, strict=True)], np.int64
+        )
+        engine.follow()
+        order.grow(len(engine.loops))
+        if not fits(found, engine.detector, order):
+            log.warning("open events of the last run are another version's; they are not taken up again")
+            return set()
+        onsets = found.arrays["state"]["onset"]
+        ids = [event_id(str(n), int(onset)) for n, onset in zip(found.names, onsets, strict=True)]
+        rows[[is_over(identity) for identity in ids]] = -1
+        put_back(found, rows, engine.detector, order, arrival)
+        going_on = {identity for identity, row in zip(ids, rows, strict=True) if row >= 0}
+        log.warning(
+            "%d open events are taken up again after %.0f s", len(going_on), (now - found.time) * 1e-9
+        )
+        return going_on
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """State of loops with an open event; every array has a row for each."""
+
+    names: NDArray[np.str_]
+    keys: NDArray[np.str_]
+    time: int
+    """When it was written [ns since 1970]."""
+    arrays: dict[str, NDArray[Any]]
+
+
+def take(loops: LoopTable, detector: Detector, order: Order, now: int) -> Snapshot:
+    """Copy what is known of the loops with an open event."""
+    rows = np.flatnonzero(detector.state["slot"] >= 0)[:MOST]
+    arrays = {name: array[rows] for name, array in detector.per_loop.items()}
+    arrays["window"] = detector.slab[detector.state["slot"][rows]]
+    arrays["order"], arrays["held"] = order.state[rows], order.held[rows]
+    names, keys = (np.array([getattr(loops[k], n) for k in rows], np.str_) for n in ("name", "key"))
+    return Snapshot(names, keys, now, arrays)
+
+
+def write(path: Path, snapshot: Snapshot) -> None:
+    """Write it whole or not at all.
+
+    Raises
+    ------
+    OSError
+        Disk full, read-only.
+    """
+    columns: dict[str, Any] = {"names": snapshot.names, "keys": snapshot.keys, **snapshot.arrays}
+    file = io.BytesIO()
+    np.savez(file, time=np.array([snapshot.time]), **columns)
+    part = path.with_name(path.name + ".part")
+    with part.open("wb") as out:
+        out.write(file.getbuffer())
+        out.flush()
+        os.fsync(out.fileno())
+    part.replace(path)
+
+
+def read(path: Path) -> Snapshot | None:
+    """Read what was written; None where there is nothing, or nothing that can be used (which is logged)."""
+    try:
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        names, keys, time = arrays.pop("names"), arrays.pop("keys"), int(arrays.pop("time")[0])
+    except FileNotFoundError:
+        return None
+    except Exception as error:  # noqa: BLE001 (a damaged file raises whatever its bytes lead to)
+        log.warning("%s: %s; open events of the last run are not taken up again", path, error)
+        return None
+    return Snapshot(names, keys, time, arrays)
+
+
+def fits(snapshot: Snapshot, detector: Detector, order: Order) -> bool:
+    """Whether a snapshot's layout is that of this version."""
+    arrays, n = snapshot.arrays, len(snapshot.names)
+    expected = {**detector.per_loop, "window": detector.slab, "order": order.state, "held": order.held}
+    return all(
+        name in arrays and arrays[name].dtype == array.dtype and arrays[name].shape == (n, *array.shape[1:])
+        for name, array in expected.items()
+    )
+
+
+def put_back(
+    snapshot: Snapshot, rows: NDArray[np.int64], detector: Detector, order: Order, arrival: float
+) -> None:
+    """Take up the loops of a snapshot that fits again, as ``rows`` of the table.
+
+    Parameters
+    ----------
+    rows
+        (N,) row of each of its loops, -1 for those that are not watched any more.
+    arrival
+        Monotonic time [s]: since then they have sent nothing.
+    """
+    arrays = snapshot.arrays
+    for k in np.flatnonzero(rows >= 0):
+        row = int(rows[k])
+        detector.adopt(row, {name: arrays[name][k] for name in detector.per_loop}, arrays["window"][k])
+        _order_back(order, row, arrays["order"][k], arrays["held"][k], arrival)
+
+
+def _order_back(order: Order, row: int, state: Any, held: NDArray[Any], arrival: float) -> None:
+    """Put one loop's order back; clocks of this process count from another start."""
+    if state["wide"] >= 0 or not 0 <= state["count"] <= HELD:  # held elsewhere: two seconds of a fast loop
+        state["count"] = 0
+    state["wide"], state["run"], state["arrival"] = -1, 0, arrival
+    order.state[row], order.held[row] = state, held
+    order.waiting += int(state["count"])

@@ -1,0 +1,1 @@
+"""All that is known of a loop to its one row."""

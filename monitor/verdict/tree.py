@@ -1,0 +1,281 @@
+"""One verdict and one action per loop: what its health says comes before what its events say of its tuning.
+
+The tree, from the root; the first branch that holds and stops gives the verdict, every branch that holds its flag:
+
+1. Are the data trustworthy? (no data, frozen, wired wrongly, changed, compressed, too coarse)
+2. Is the loop in control? (in manual, idle, at its limit)
+3. Is it the valve? (stiction)
+4. Does it oscillate for another reason than its tuning?
+5. Only then: how is it tuned?
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from monitor.assess.reference import settings_of
+from monitor.assess.tuning import MARGIN, trap
+from monitor.contract.loops import Loop, lives_with_offset
+from monitor.contract.records import INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow
+from monitor.health.observe import Health
+from monitor.identify.fit import INTEGRATING
+from tuners.models import IntegratingModel, SelfRegulatingModel
+
+MANUAL = 0.5
+"""Share of time in manual from which the loop is not in control."""
+AT_LIMIT = 0.3
+"""Share of time at an output limit from which it is not in control."""
+TOUCHES_LIMIT = 0.05
+"""Share of time at an output limit that is worth a word."""
+LEAST_COVERAGE = 0.5
+"""Share of time with good samples below which nothing is concluded; single events have their own, stricter rule."""
+COMPRESSED = 0.5
+"""Share of reconstructed points from which figures of shape and noise are the historian's, not the plant's."""
+STICKS = 0.5
+"""Stiction index from which the valve is named."""
+FOLLOWS = 0.5
+"""Share of samples at which the set point moves, from which the loop is a cascade's slave or follows a programme."""
+LED = 0.1
+"""Share of samples at which the set point moves, from which a cycle of the error may be the set point's own."""
+SAME_PERIOD = 2.0
+"""Factor between a loop's own period and the one seen, up to which its settings may be the cause."""
+
+WITHHOLDS, EXPLAINS, MARKS = "withholds", "explains", "marks"
+"""What a branch does: overrules any verdict on the tuning (`inconclusive`); says why a loop was not assessed; or only
+sets its flag."""
+
+_SUGGESTION = (
+    "rule form new_kp new_ti new_td new_tf new_ki new_kd new_fields new_ms new_ms_worst new_ci new_op_noise "
+    "new_op_noise_abs stages new_overshoot new_iae_setpoint new_iae_load"
+).split()
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """One question of the tree: its flag, what it finds (in plain words, empty where nothing), and what to do."""
+
+    flag: str
+    found: Callable[[Health, LoopRow, Loop], str]
+    effect: str
+    action: str
+
+
+def conclude(row: LoopRow, loop: Loop, health: Health) -> LoopRow:
+    """Write health into what the events say of the tuning, and walk the tree; the row is changed and returned."""
+    for f in fields(health):
+        if f.name in row.__struct_fields__:
+            setattr(row, f.name, getattr(health, f.name))
+    held = [(b, said) for b in TREE if (said := b.found(health, row, loop))]
+    row.flags = tuple(dict.fromkeys(b.flag for b, _ in held if b.flag))
+    first = next(((b, said) for b, said in held if b.effect == WITHHOLDS), None)
+    if first is not None:
+        return _withheld(row, *first)
+    if row.verdict == NOT_ASSESSED:
+        why = next(((said, b.action) for b, said in held if b.effect == EXPLAINS), None)
+        row.reason, row.action = why or (
+            "no set-point or load step was seen",
+            "none; a set-point step shows how the loop is tuned",
+        )
+    return row
+
+
+def _withheld(row: LoopRow, branch: Branch, said: str) -> LoopRow:
+    """Put a branch's finding over the verdict on the tuning; there is no suggestion on that."""
+    parts = [said]
+    if row.verdict == RETUNE:
+        parts.append(f"a retune is withheld ({row.reason})")
+    elif row.verdict == INCONCLUSIVE:
+        parts.append(row.reason)
+    row.verdict, row.reason, row.action = INCONCLUSIVE, "; ".join(parts), branch.action
+    for name in _SUGGESTION:
+        setattr(row, name, None)
+    return row
+
+
+# ---------------------------------------------------------------------------------------------------
+# what the branches look for
+
+
+def _no_data(health: Health, _row: LoopRow, _loop: Loop) -> str:
+    return "no good sample was seen" if health.coverage is None else ""
+
+
+def _idle(health: Health, _row: LoopRow, _loop: Loop) -> str:
+    return "idle: set point, PV and output do not move" if health.idle else ""
+
+
+def _stuck(health: Health, _row: LoopRow, _loop: Loop) -> str:
+    return "PV is frozen while the output moves" if health.stuck else ""
+
+
+def _mapping(health: Health, _row: LoopRow, _loop: Loop) -> str:
+    return (
+        "the tags look mixed up: PV does not follow OP, or is free of noise while SP is not"
+        if health.mapping
+        else ""
+    )
+
+
+def _changed(health: Health, _row: LoopRow, _loop: Loop) -> str:
+    return "PV and SP jumped together: a new unit or range" if health.config_change else ""
+
+
+def _compressed(health: Health, _row: LoopRow, _loop: Loop) -> str:
+    share = _of(health.compression)
+    return (
+        f"the historian compressed these data ({share:.0%} of the points are reconstructed)"
+        if share > COMPRESSED
+        else ""
+    )
+
+
+def _coarse(health: Health, _row: LoopRow, _loop: Loop) -> str:
+    return "sampled too coarsely to show how the loop moves" if health.undersampled else ""
+
+
+def _uncovered(health: Health, _row: LoopRow, _loop: Loop) -> str:
+    covered = _of(health.coverage)
+    return f"only {covered:.0%} of the time is covered by good samples" if covered < LEAST_COVERAGE else ""
+
+
+def _manual(health: Health, _row: LoopRow, _loop: Loop) -> str:
+    share = max(_of(health.manual), _of(health.held))
+    return f"in manual for {share:.0%} of the time" if share > MANUAL else ""
+
+
+def _slave(health: Health, _row: LoopRow, loop: Loop) -> str:
+    master = f" of {loop.master}" if loop.master else ""
+    if _of(health.sp_moving) > FOLLOWS:
+        return (
+            f"its set point moves all the time: the slave{master} of a cascade, or a programme; not a fault"
+        )
+    return ""
+
+
+def _at_limit(health: Health, _row: LoopRow, loop: Loop) -> str:
+    # where no limit is known, an output that rests at its own extreme may have arrived where it belongs
+    known = loop.op_low is not None or loop.op_high is not None
+    share = _of(health.saturation) if known else 0.0
+    return (
+        f"OP is at its limit for {share:.0%} of the time: the loop has no room to control"
+        if share > AT_LIMIT
+        else ""
+    )
+
+
+def _touches_limit(health: Health, _row: LoopRow, _loop: Loop) -> str:
+    share = _of(health.saturation)
+    return f"OP is at its limit for {share:.0%} of the time" if share > TOUCHES_LIMIT else ""
+
+
+def _sticks(health: Health, row: LoopRow, _loop: Loop) -> str:
+    if _of(health.stiction) <= STICKS or _of(health.sp_moving) > LED:
+        return ""
+    return f"the valve sticks (index {_of(health.stiction):.2f}): {_cycle(row)}"
+
+
+def _oscillates(health: Health, row: LoopRow, _loop: Loop) -> str:
+    return _cycle(row) if health.oscillating and _of(health.sp_moving) <= LED else ""
+
+
+def _oscillates_otherwise(health: Health, row: LoopRow, loop: Loop) -> str:
+    """Name an oscillation that today's settings do not explain."""
+    cycle = _oscillates(health, row, loop)
+    if not cycle or _rolls_by_itself(row, loop):
+        return ""
+    if row.ms is not None:
+        return f"{cycle}, which its settings do not explain (Ms = {row.ms:.2f})"
+    return f"{cycle}; whether its settings are the cause is not known"
+
+
+def _rolls_by_itself(row: LoopRow, loop: Loop) -> bool:
+    """Whether the settings of today explain an oscillation: a poorly damped loop, and its own period."""
+    settings = settings_of(loop)
+    if row.ms is None or row.gain is None or row.oscillation_period is None or settings is None:
+        return False
+    dead_time, lag = row.dead_time or 0.0, row.lag or 0.0
+    integrating = row.process == INTEGRATING
+    model = (IntegratingModel if integrating else SelfRegulatingModel)(row.gain, dead_time, lag)
+    if row.ms <= MARGIN * loop.ms_max and not trap(loop, model):
+        return False
+    # relative to the period seen; the loop's own is where it amplifies most
+    ratio = np.geomspace(1 / 30, 30, 301)
+    omega = 2 * np.pi / row.oscillation_period * ratio
+    distance = np.abs(1 + model.frequency_response(omega) * settings.frequency_response(omega))
+    own = float(ratio[int(np.argmin(distance))])
+    return 1 / SAME_PERIOD <= own <= SAME_PERIOD
+
+
+def _cycle(row: LoopRow) -> str:
+    period = "" if row.oscillation_period is None else f" with a period of {row.oscillation_period:.3g} s"
+    return f"it oscillates{period}"
+
+
+def _without_integral(health: Health, _row: LoopRow, loop: Loop) -> str:
+    without = loop.kp is not None and math.isinf(loop.ti)
+    if not health.settled_offset or not without or lives_with_offset(loop):
+        return ""
+    return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: the controller has no integral action"
+
+
+def _stays_off(health: Health, row: LoopRow, loop: Loop) -> str:
+    # a slow integral action looks like none, and a retune cures it
+    slow = row.verdict == RETUNE and loop.kp is not None and math.isfinite(loop.ti)
+    if not health.settled_offset or slow or lives_with_offset(loop):
+        return ""
+    return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: no integral action, or OP held"
+
+
+def _noisy(health: Health, _row: LoopRow, loop: Loop) -> str:
+    if loop.op_span is None or health.op_noise is None:
+        return ""
+    share = 100.0 * health.op_noise / loop.op_span
+    return f"noise moves OP by {share:.2g} % of its span" if share > loop.op_noise_max else ""
+
+
+def _of(value: float | None) -> float:
+    return 0.0 if value is None else value
+
+
+_LOOK = "find out what changed, and judge the loop on data from after it"
+_WIRING = "check the loop's tags in the loop table against the plant"
+_VALVE = "check the valve and its positioner before the tuning: stroke it in manual and see whether the cycle stops"
+_OTHERS = "find the source first: in manual, does the cycle stay? Then it comes from outside"
+_ROOM = "look for the bottleneck (valve size, bypass, pump), or a set point within reach"
+_INTEGRAL = "add integral action if the offset is not wanted"
+
+TREE = (
+    # are the data trustworthy?
+    Branch("", _no_data, EXPLAINS, "check the loop's name and tags"),
+    Branch("stuck_pv", _stuck, WITHHOLDS, "check the transmitter and the path of its signal"),
+    Branch("mapping_suspect", _mapping, WITHHOLDS, _WIRING),
+    Branch("config_change", _changed, MARKS, _LOOK),
+    Branch(
+        "compressed",
+        _compressed,
+        WITHHOLDS,
+        "export raw data, or switch compression off for this loop's tags",
+    ),
+    Branch("undersampled", _coarse, WITHHOLDS, "sample the loop faster"),
+    Branch("", _uncovered, EXPLAINS, "find out why samples are missing or bad"),
+    # is the loop in control?
+    Branch("manual", _manual, EXPLAINS, "find out why it is kept in manual"),
+    Branch("idle", _idle, EXPLAINS, "none while the unit is down"),
+    Branch("cascade_slave", _slave, EXPLAINS, "none; judge its master"),
+    Branch("saturated", _at_limit, WITHHOLDS, _ROOM),
+    Branch("saturated", _touches_limit, MARKS, _ROOM),
+    # is it the valve?
+    Branch("stiction", _sticks, WITHHOLDS, _VALVE),
+    # does it oscillate for another reason?
+    Branch("oscillating", _oscillates_otherwise, WITHHOLDS, _OTHERS),
+    Branch("oscillating", _oscillates, MARKS, ""),
+    # then the tuning; what else is worth a word
+    Branch("no_integral", _without_integral, WITHHOLDS, _INTEGRAL),
+    Branch("offset", _stays_off, WITHHOLDS, _INTEGRAL),
+    Branch("noisy_op", _noisy, MARKS, "filter PV, or take derivative action away"),
+)
+"""From the root; the first that withholds gives verdict, reason and action."""

@@ -1,0 +1,286 @@
+"""The words of the view: rows and events as markdown and log lines. Pure functions of plain dicts.
+
+Whatever comes from outside (names, reasons) is data: it can neither format the page, nor link, nor turn the
+direction of the text. Figures are shown with their unit, and with their interval where they have one.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import unicodedata
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from monitor.contract.figures import MEANINGS
+
+Row = Mapping[str, Any]
+
+TABLE_ROWS = 30
+"""Rows of the overview's table: more do not help a reader, and the page is sent anew at each change."""
+
+_PUNCTUATION = re.compile(r"([!-/:-@\[-`{-~])")
+_MODEL = (("gain", "gain μ"), ("t0", "T0"), ("dead_time", "dead time θ"), ("lag", "lag τ₁"))
+_SETTINGS = (("kp", "Kp", "OP/PV"), ("ti", "Ti", "s"), ("td", "Td", "s"), ("tf", "Tf", "s"))
+_PARALLEL = (("kp", "Kp", "OP/PV"), ("ki", "Ki", "OP/(PV s)"), ("kd", "Kd", "OP s/PV"))
+_VERDICTS = (("retune", "to retune"), ("inconclusive", "inconclusive"), ("good", "good"))
+
+
+def plain(text: object, most: int = 200) -> str:
+    """Text in one line and at most ``most`` characters; controls, bidi marks and the like become ``�``."""
+    line = " ".join(str(text).split())
+    line = "".join("\ufffd" if unicodedata.category(c)[0] == "C" else c for c in line[: most + 1])
+    return line if len(line) <= most else line[: most - 1] + "…"
+
+
+def escape(text: object, most: int = 200) -> str:
+    """Text as markdown that shows it as it is: every ASCII punctuation mark is escaped."""
+    return _PUNCTUATION.sub(r"\\\1", plain(text, most))
+
+
+def number(value: object, digits: int = 3) -> str:
+    """Write a figure with ``digits`` significant digits; ``–`` where there is none."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    if value and not 1e-4 <= abs(value) < 1e5:
+        return f"{value:.{digits - 1}e}"
+    decimals = max(0, digits - 1 - (math.floor(math.log10(abs(value))) if value else 0))
+    return f"{value:.{min(decimals, 8)}f}"
+
+
+def clock(iso: object) -> str:
+    """ISO time as ``2026-03-02 08:10:05`` [UTC]; ``–`` where there is none."""
+    return plain(str(iso)[:19].replace("T", " ")) if isinstance(iso, str) else "–"
+
+
+def indices(row: Row) -> list[float]:
+    """List the row's CI figures: set point, load."""
+    found = (row.get("ci_setpoint"), row.get("ci_load"))
+    return [float(ci) for ci in found if isinstance(ci, (int, float)) and math.isfinite(ci)]
+
+
+def overview(rows: Sequence[Row], counts: Mapping[str, int], health: Row | None, notes: Iterable[str]) -> str:
+    """Build the first page: loops by verdict, flagged loops in the order given, and who watches.
+
+    Parameters
+    ----------
+    rows
+        Flagged loops, worst first.
+    counts
+        Loops by verdict.
+    health
+        The monitor's last health record, if one came.
+    notes
+        Lines about the view itself (what it dropped), shown at the end.
+    """
+    known = [f"**{counts.get(verdict, 0)}** {words}" for verdict, words in _VERDICTS]
+    lines = ["# Control loops", "", " · ".join(known), ""]
+    rest = sum(n for verdict, n in counts.items() if verdict not in dict(_VERDICTS))
+    if rest:
+        lines[2] += f" · {rest} not assessed"
+    if rows:
+        lines += ["| loop | CI | Ms | new Ms |", "|---|--:|--:|--:|"]
+        lines += [_overview_row(row) for row in rows[:TABLE_ROWS]]
+        lines += ["", f"and {len(rows) - TABLE_ROWS} more to retune.", ""] if len(rows) > TABLE_ROWS else [""]
+        lines += ["**Why**", ""]
+        lines += [f"- **{escape(row.get('loop', ''), 40)}**: {escape(_why(row), 160)}" for row in rows[:8]]
+    else:
+        lines += ["No loop is flagged."]
+    lines += ["", *_health(health), *(f"*{escape(note)}*" for note in notes)]
+    return "\n".join(lines) + "\n"
+
+
+def loop_page(row: Row, assessment: Row | None = None) -> str:
+    """Build the page of one loop: verdict, reason, what to type in, model with intervals, before and after.
+
+    Parameters
+    ----------
+    row
+        The loop's row (a suggestion, or its current row). ``kp, ti, td, tf`` are today's settings, if given.
+    assessment
+        The event that the charts show, if known.
+    """
+    lines = [f"# {escape(row.get('loop', ''), 60)}", "", f"**{escape(_verdict(row))}**"]
+    if row.get("reason"):
+        lines += ["", escape(row["reason"], 400)]
+    if row.get("action"):
+        lines += ["", f"**What to do:** {escape(row['action'], 400)}"]
+    flags = row.get("flags")
+    if isinstance(flags, Sequence) and not isinstance(flags, str) and flags:
+        lines += ["", f"**Flags:** {escape(', '.join(plain(f, 30) for f in flags).replace('_', ' '), 300)}"]
+    lines += ["", *_settings(row), "", *_before_after(row), "", *_model(row)]
+    lines += ["", *_event(assessment)] if assessment else []
+    lines += ["", *_condition(row)]
+    return "\n".join(lines) + "\n"
+
+
+def log_line(record: Row) -> tuple[str, str]:
+    """Build text and level (``INFO``, ``WARN``) of an event or an assessment for the log."""
+    name, kind = plain(record.get("loop", "?"), 60), _kind(record)
+    when = clock(record.get("start"))[5:16]
+    if "verdict" not in record:
+        return f"{when} {name}: {kind} {plain(record.get('state', ''), 30)}", "INFO"
+    text = f"{when} {name}: {_verdict(record)}, {kind}, CI {number(record.get('ci'), 2)}"
+    if record.get("reason"):
+        text += f" ({plain(record['reason'], 160)})"
+    return text, "WARN" if record.get("verdict") == "retune" else "INFO"
+
+
+def _verdict(row: Row) -> str:
+    verdict = plain(row.get("verdict", ""), 40)
+    if verdict == "retune" and "new_kp" in row and row.get("new_kp") is None:
+        return "retune, no safe settings to suggest"
+    return verdict.replace("_", " ")
+
+
+def _kind(record: Row) -> str:
+    return {"setpoint": "set-point step", "load": "load upset"}.get(str(record.get("kind")), "event")
+
+
+def _why(row: Row) -> str:
+    return str(row.get("reason") or row.get("action") or "badly tuned")
+
+
+def _overview_row(row: Row) -> str:
+    worst = min(indices(row), default=None)
+    cells = (
+        escape(row.get("loop", ""), 28),
+        number(worst, 2),
+        number(row.get("ms"), 2),
+        number(row.get("new_ms"), 2),
+    )
+    return "| " + " | ".join(cells) + " |"
+
+
+def _health(health: Row | None) -> list[str]:
+    if not health:
+        return ["*Waiting for the monitor's health record.*", ""]
+    shown = ("samples_ok", "dropped", "backlog", "queue")
+    facts = [f"{key.replace('_', ' ')} {health[key]:,.0f}" for key in shown if _is_number(health.get(key))]
+    rates = health.get("rates")
+    if isinstance(rates, Mapping) and _is_number(rates.get("samples")):
+        facts.insert(0, f"{rates['samples']:,.0f} samples/s")
+    return [f"*Monitor {escape(health.get('id', ''), 60)} alive. {', '.join(facts)}*".replace(" *", "*"), ""]
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and math.isfinite(value)
+
+
+def _settings(row: Row) -> list[str]:
+    if row.get("new_kp") is None:
+        return ["## Settings", "", "No new settings are suggested."]
+    fields = _PARALLEL if row.get("form") == "parallel" else _SETTINGS
+    lines = ["## Settings", "", "| | today | new |", "|---|--:|--:|"]
+    for key, words, unit in fields:
+        today, new = _setting(row, key), _setting(row, f"new_{key}")
+        if any(text not in ("–", "0.00", "none") for text in (today, new)):
+            lines.append(f"| {words} \\[{unit}\\] | {today} | **{new}** |")
+    rule, form = escape(row.get("rule") or "–", 60), escape(row.get("form") or "–", 60)
+    lines += ["", f"Rule {rule}, form {form}."]
+    faceplate = _json(row.get("new_fields"))
+    if isinstance(faceplate, Mapping) and faceplate:
+        facts = (f"{escape(k, 40)} = {escape(_value(v), 40)}" for k, v in list(faceplate.items())[:12])
+        lines += ["", f"On the faceplate: {', '.join(facts)}"]
+    return lines + _stages(row)
+
+
+def _setting(row: Row, key: str) -> str:
+    if key.endswith("ti") and key in row and row[key] is None and row.get(key[:-2] + "kp") is not None:
+        return "none"  # no integral action is null in JSON
+    return number(row.get(key))
+
+
+def _stages(row: Row) -> list[str]:
+    stages = _json(row.get("stages"))
+    if not isinstance(stages, list) or len(stages) < 2:
+        return []
+    lines = ["", f"Go there in {len(stages)} stages, with a look at the loop in between:", ""]
+    for i, stage in enumerate(stages[:10], 1):
+        facts = stage.items() if isinstance(stage, Mapping) else ()
+        told = (f"{escape(k, 20).capitalize()} {escape(_value(v), 20)}" for k, v in facts if _tells(k, v))
+        lines.append(f"{i}. {', '.join(told)}")
+    return lines
+
+
+def _tells(key: str, value: object) -> bool:
+    """Whether a stage's field is worth its place: a derivative that is not there is not."""
+    return key in ("kp", "ti", "ki") or (key in ("td", "tf", "kd") and bool(value))
+
+
+def _before_after(row: Row) -> list[str]:
+    lines = ["## Before and after", "", "| | today | new |", "|---|--:|--:|"]
+    lines.append(f"| CI set point | {number(row.get('ci_setpoint'), 2)} | {_new_ci(row, 'ci_setpoint')} |")
+    lines.append(f"| CI load | {number(row.get('ci_load'), 2)} | {_new_ci(row, 'ci_load')} |")
+    lines.append(f"| peak sensitivity Ms | {number(row.get('ms'))} | {number(row.get('new_ms'))} |")
+    if row.get("new_ms_worst") is not None:
+        lines.append(f"| Ms at the model's worst | | {number(row['new_ms_worst'])} |")
+    if row.get("new_op_noise") is not None:
+        lines.append(f"| noise on OP \\[% of span\\] | | {number(row['new_op_noise'], 2)} |")
+    return lines
+
+
+def _new_ci(row: Row, key: str) -> str:
+    return number(row.get("new_ci"), 2) if row.get(key) is not None else "–"
+
+
+def _model(row: Row) -> list[str]:
+    process = plain(row.get("process") or "undecided", 40)
+    unit = {"integrating": "PV/(OP s)", "self-regulating": "PV/OP"}.get(process, "–")
+    lines = [f"## Model: {escape(process)}", "", "| | value | 95 % interval |", "|---|--:|---|"]
+    for key, words in _MODEL:
+        if row.get(key) is None:
+            continue
+        low, high = number(row.get(f"{key}_lo")), number(row.get(f"{key}_hi"))
+        lines.append(
+            f"| {words} \\[{unit if key == 'gain' else 's'}\\] | {number(row[key])} | {low} … {high} |"
+        )
+    return lines if len(lines) > 4 else [*lines[:1], "", "The data cannot carry a model."]
+
+
+def _event(record: Row) -> list[str]:
+    unit = {"setpoint": "PV", "load": "OP"}.get(str(record.get("kind")), "–")
+    lines = [
+        "## Event shown",
+        "",
+        f"{_kind(record).capitalize()} at {escape(clock(record.get('start')))} UTC,",
+    ]
+    lines[-1] += f" size {number(record.get('amplitude'))} {unit}, CI {number(record.get('ci'), 2)},"
+    lines[-1] += f" model explains {number(_percent(record.get('fit')), 3)} % of PV."
+    return lines
+
+
+def _condition(row: Row) -> list[str]:
+    """Show the loop's health figures, those that the data carry."""
+    known = [(name, meaning) for name, meaning in MEANINGS.items() if _is_number(row.get(name))]
+    if not known:
+        return []
+    lines = ["## Health", "", "| | | |", "|---|--:|---|"]
+    lines += [
+        f"| {name.replace('_', ' ')} \\[{meaning.unit}\\] | {number(row[name])} | {meaning.says} |"
+        for name, meaning in known
+    ]
+    return lines
+
+
+def _percent(share: object) -> float | None:
+    return 100 * float(share) if isinstance(share, (int, float)) else None
+
+
+def _value(value: object) -> str:
+    if value is None:
+        return "none"
+    return number(value) if _is_number(value) else plain(value, 40)
+
+
+def _json(value: object) -> object:
+    """Fields that are JSON in a table's cell may come as text or as what the text holds."""
+    if not isinstance(value, str):
+        return value
+    try:
+        return json.loads(value)
+    except ValueError:
+        return None

@@ -1,0 +1,1 @@
+"""Bytes to entries, records to bytes, and back."""

@@ -6,14 +6,11 @@ Importing this module is cheap; what a check needs is imported where it runs.
 from __future__ import annotations
 
 import csv
-import sys
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import click
 
 if TYPE_CHECKING:
     from monitor.adapters.historian.rows import Tally
@@ -71,21 +68,22 @@ def _config(path: Path) -> Finding:
 
 def _has_names(path: Path) -> bool:
     """Whether the file is a loop table: a column ``name``, and no time."""
-    from monitor.adapters.historian.source import headings  # noqa: PLC0415 (pyarrow)
+    from monitor.adapters.historian.reader import headings  # noqa: PLC0415 (pyarrow)
 
     found = {h.lower() for h in headings(path)}
     return "name" in found and "time" not in found
 
 
 def _table(path: Path) -> Finding:
-    from monitor.contract.loops import LoopTableError, read_loop_table  # noqa: PLC0415
+    from monitor.adapters.loop_table import read_loop_table  # noqa: PLC0415
+    from monitor.contract.loops import LoopTableError  # noqa: PLC0415
 
     try:
         table = read_loop_table(path)
     except LoopTableError as error:
         return Finding("loop table", error.problems)
     known = sum(loop.kp is not None for loop in table)
-    return Finding(f"loop table: {_n(len(table), 'loop')}, {known} with settings", _unused(path, table))
+    return Finding(f"loop table: {counted(len(table), 'loop')}, {known} with settings", _unused(path, table))
 
 
 def _unused(path: Path, table: LoopTable) -> list[str]:
@@ -103,8 +101,8 @@ def _data(path: Path, tz: str | None, time_unit: str | None) -> Finding:
     """Read all of a data file as the audit would."""
     from monitor.adapters.historian.clock import zone_of  # noqa: PLC0415
     from monitor.adapters.historian.merge import OutOfOrderError, Span, in_order, sorted_samples  # noqa: PLC0415
+    from monitor.adapters.historian.reader import inspect, scan  # noqa: PLC0415 (pyarrow)
     from monitor.adapters.historian.rows import Tally, UnusableError  # noqa: PLC0415
-    from monitor.adapters.historian.source import inspect, scan  # noqa: PLC0415 (pyarrow)
 
     span = Span(zone=zone_of(tz or "UTC"))
     try:
@@ -121,7 +119,7 @@ def _data(path: Path, tz: str | None, time_unit: str | None) -> Finding:
     except UnusableError as error:
         return Finding(problems=[str(error)])
     out = Finding(
-        f"{source.layout.kind}, {_n(len(names), 'loop')}, {facts}, {order}{_notes(source, tally, tz)}"
+        f"{source.layout.kind}, {counted(len(names), 'loop')}, {facts}, {order}{_notes(source, tally, tz)}"
     )
     out.problems += _names_wrong(path, names)
     for name, reason in source.layout.incomplete.items():
@@ -166,14 +164,14 @@ def _notes(source: Source, tally: Tally, tz: str | None) -> str:
     notes = [
         "" if not source.clock.naive else f"times without zone, read as {tz or 'UTC'}",
         "" if "quality" in roles else "quality unknown",
-        _n(tally.duplicate, "repeated row") if tally.duplicate else "",
+        counted(tally.duplicate, "repeated row") if tally.duplicate else "",
         f"{tally.conflict} of them with other values (the first is kept)" if tally.conflict else "",
     ]
     return "".join(f", {note}" for note in notes if note)
 
 
 def _names_wrong(path: Path, names: list[str]) -> list[str]:
-    from monitor.contract.loops import parse_row  # noqa: PLC0415
+    from monitor.contract.loop_fields import parse_row  # noqa: PLC0415
 
     wrong = []
     for name in names:
@@ -193,7 +191,7 @@ def _places(source: Source, tally: Tally) -> list[str]:
             f"{source.name}: {source.layout.time}: {text!r}, expected a time" for text in sorted(tally.times)
         ]
         texts = [
-            f"{source.name}: {text!r} in {_n(n, 'cell')}, expected numbers"
+            f"{source.name}: {text!r} in {counted(n, 'cell')}, expected numbers"
             for text, n in sorted(tally.texts.items())
         ]
         return times[:MOST] + texts[:MOST]
@@ -231,46 +229,6 @@ def _lines(source: Source, accepted: dict[tuple[str, str], str]) -> list[str]:
     return out
 
 
-def _n(n: int, what: str) -> str:
+def counted(n: int, what: str) -> str:
+    """Say how many of something: ``1 loop``, ``2 loops``."""
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
-
-
-_HELP = """Check configurations, loop tables and data files.
-
-Prints every problem with file, line or row, field, value and what would be accepted. Exit 0 without
-problems, 2 with.
-
-\b
-Example:
-  loopsight check loops.csv monitor.toml export/data.parquet
-"""
-
-
-@click.command("check", help=_HELP)
-@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path))
-@click.option("--tz", metavar="ZONE", help="Zone of times that name none, e.g. Europe/Berlin. Default: UTC.")
-@click.option(
-    "--time-unit",
-    type=click.Choice(["s", "ms", "us", "ns", "excel"]),
-    help="Unit of numeric times. Default: told by their range.",
-)
-def check_command(files: tuple[Path, ...], tz: str | None, time_unit: str | None) -> None:
-    """Check, print what was found, exit 0 or 2."""
-    failed = False
-    for path in files:
-        try:
-            found = check_file(path, tz, time_unit)
-        except ValueError as error:
-            raise click.UsageError(str(error)) from None
-        for line in found.problems:
-            click.echo(_visible(line), err=True)
-        failed = failed or bool(found.problems)
-        if found.what:
-            end = f"; {_n(len(found.problems), 'problem')}" if found.problems else "; no problem"
-            click.echo(_visible(f"{path}: {found.what}{end}"))
-    sys.exit(2 if failed else 0)
-
-
-def _visible(line: str) -> str:
-    """Escape what does not print, or would turn the line around."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)

@@ -14,12 +14,13 @@ import numpy as np
 
 from monitor.assess.event import Finding, assess_event
 from monitor.assess.reference import SETPOINT
+from monitor.contract.evidence import Window
 from monitor.contract.loops import Loop, LoopTable
-from monitor.contract.records import Assessment, Event, LoopRow, Record, Suggestion, Window, event_id
+from monitor.contract.records import Assessment, Event, LoopRow, Record, Suggestion, event_id
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector
 from monitor.detect.state import BY_GAP, BY_SETTINGS, CLOSED, COUNTS, LOAD_STEP, STATES
-from monitor.health.observe import figures
+from monitor.health.loop_health import figures
 from monitor.identify.direct import model_response
 from monitor.identify.fit import Array
 from monitor.verdict.history import Case

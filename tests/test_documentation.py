@@ -11,9 +11,9 @@ import msgspec
 import pytest
 from click.testing import CliRunner
 
+from monitor.adapters.loop_table import read_loop_table
 from monitor.cli.main import COMMANDS, loopsight
 from monitor.contract.figures import MEANINGS
-from monitor.contract.loops import read_loop_table
 from monitor.service.config import Config, load, problems
 
 ROOT = Path(__file__).parent.parent

@@ -19,9 +19,11 @@ import msgspec
 import numpy as np
 import pytest
 
+from monitor.adapters.loop_table import read_loop_table
 from monitor.adapters.store import Store
 from monitor.adapters.zenoh_bus import Bus, BusError, ask, open_session, plant_put
-from monitor.contract.loops import LoopTable, parse_row, read_loop_table
+from monitor.contract.loop_fields import parse_row
+from monitor.contract.loops import LoopTable
 from monitor.contract.records import Assessment
 from monitor.contract.samples import Samples
 from monitor.engine import Engine

@@ -5,11 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from monitor.adapters.historian.source import write_parquet
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from monitor.adapters.historian.source import ZONED
 from monitor.contract.records import TIMES, Assessment, LoopRow
 
 EVENTS, LOOPS, LOOPS_CSV = "events.parquet", "loops.parquet", "loops.csv"
@@ -104,4 +107,37 @@ def write_text(path: Path, text: str) -> None:
     """
     part = path.with_name(path.name + ".part")
     part.write_text(text, encoding="utf-8", newline="\n")
+    part.replace(path)
+
+
+# ---------------------------------------------------------------------------------------------------
+# out
+
+_TYPES = {
+    "float": pa.float64(),
+    "int": pa.int64(),
+    "str": pa.string(),
+    "list": pa.list_(pa.string()),
+    "time": ZONED,
+}
+
+
+def write_parquet(path: Path, columns: Mapping[str, tuple[str, Sequence[Any]]]) -> None:
+    """Write a table; the same columns give the same bytes.
+
+    Parameters
+    ----------
+    columns
+        Heading to (kind, values); kinds: ``float``, ``int``, ``str``, ``list`` (of texts), ``time``
+        [ns since 1970]; None = empty.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    schema = pa.schema([(name, _TYPES[kind]) for name, (kind, _) in columns.items()])
+    arrays = [pa.array(list(values), type=_TYPES[kind]) for kind, values in columns.values()]
+    part = path.with_name(path.name + ".part")
+    pq.write_table(pa.table(arrays, schema=schema), part, compression="zstd")
     part.replace(path)

@@ -13,7 +13,7 @@ from typing import Any
 
 import zenoh
 
-from monitor.wire.decode import LARGEST, Message
+from monitor.contract.entries import LARGEST, Message
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 RECONNECT = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.detect.state import jit
+from monitor.compiled import jit
 
 Array = NDArray[np.float64]
 

@@ -18,14 +18,18 @@ import numpy as np
 from monitor.adapters.historian.clock import zone_of
 from monitor.adapters.historian.layout import LONG
 from monitor.adapters.historian.merge import Span
+from monitor.adapters.historian.reader import FORMATS, inspect, scan
 from monitor.adapters.historian.rows import Tally, UnusableError
-from monitor.adapters.historian.source import FORMATS, Source, inspect, scan
+from monitor.adapters.historian.source import Source
+from monitor.adapters.loop_table import read_loop_table
 from monitor.adapters.tables import write_tables, write_text
-from monitor.contract.loops import LoopTable, LoopTableError, parse_row, read_loop_table
+from monitor.contract.loop_fields import parse_row
+from monitor.contract.loops import LoopTable, LoopTableError
 from monitor.contract.records import WORST_FIRST
+from monitor.contract.text import short, visible
+from monitor.contract.times import iso
 from monitor.verdict.row import worst_first
 from monitor.verdict.stale import tell
-from monitor.wire.decode import iso
 
 from .result import PARTS, AuditResult
 from .tasks import Part, Progress, plan, run_all
@@ -105,7 +109,7 @@ class Audit:
         for name in sorted(names):
             loop, wrong = parse_row({"name": name})
             if loop is None:
-                self.left_out[name[:200]] = "; ".join(map(_short, wrong))
+                self.left_out[name[:200]] = "; ".join(map(short, wrong))
             else:
                 self.loops.add(loop)
 
@@ -237,7 +241,7 @@ class Audit:
             if more > 0:
                 self.problems.append(f"{file}: {more} more lines that cannot be read")
         for name, reason in sorted(self.left_out.items()):
-            self.problems.append(f"loop {visible(name)}: {reason}")
+            self.problems.append(f"loop {visible(name, 80)}: {reason}")
 
     def _nothing(self, tally: Tally, samples: Counter[str]) -> list[str]:
         """Say why nothing was audited."""
@@ -248,7 +252,7 @@ class Audit:
             bad["outside --since/--until"] = tally.outside
             causes = ", ".join(f"{n} {name}" for name, n in bad.items() if n)
             return [f"no good sample in {tally.rows} rows: {causes}"]
-        have = ", ".join(visible(loop.name) for loop in list(self.loops)[:5])
+        have = ", ".join(visible(loop.name, 80) for loop in list(self.loops)[:5])
         return [f"no loop of the table is in the data; the table has {have or 'none'}, ..."]
 
     def _about(self, tally: Tally, counts: dict[str, Any]) -> dict[str, Any]:
@@ -298,6 +302,54 @@ class Audit:
             }
             for s in self.sources
         ]
+
+
+def run_audit(
+    paths: Sequence[str | Path],
+    loops_file: str | Path | None,
+    out: str | Path,
+    *,
+    jobs: int = 1,
+    since: str | None = None,
+    until: str | None = None,
+    tz: str | None = None,
+    time_unit: str | None = None,
+    resume: bool = False,
+    scheduler: str | None = None,
+    progress: Callable[[Progress], None] = lambda _: None,
+) -> AuditResult:
+    """Audit historian exports and write the tables and ``audit.json`` to ``out``.
+
+    Parameters
+    ----------
+    paths
+        Files, folders and globs.
+    loops_file
+        Loop table; None: every loop in the data, with defaults.
+    jobs
+        Processes. Their number changes nothing in the result.
+    since, until
+        First time, and first time not wanted any more: ISO text, or seconds where the data have numbers.
+    tz
+        Zone of times that name none; default UTC.
+    time_unit
+        Unit of numeric times: ``s``, ``ms``, ``us``, ``ns`` or ``excel``; default: told by their range.
+    resume
+        Take over what an earlier audit of the same data, stopped half way, has stored in ``out``.
+    scheduler
+        Address of a Dask scheduler that runs the tasks; its workers see the files under the same paths.
+
+    Raises
+    ------
+    ValueError
+        A setting is not acceptable: one line that names it.
+    OSError
+        ``out`` cannot be written to.
+    """
+    audit = Audit(Path(out), tz=tz, since=since, until=until, time_unit=time_unit)
+    audit.find(paths, loops_file)
+    audit.run(jobs=jobs, resume=resume, scheduler=scheduler, progress=progress)
+    return audit.finish()
 
 
 def expand(
@@ -382,15 +434,6 @@ def _instant(option: str, text: str | None, zone: Any) -> int | None:
 
 def _iso(ns: int | None) -> str | None:
     return None if ns is None else str(np.datetime64(ns, "ns")) + "Z"
-
-
-def _short(line: str) -> str:
-    return line if len(line) <= 120 else f"{line[:60]}...{line[-50:]}"
-
-
-def visible(text: str) -> str:
-    """Return a name for a terminal: what does not print, or would turn the line around, as an escape."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)[:80]
 
 
 def package_version() -> str:

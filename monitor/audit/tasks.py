@@ -19,8 +19,9 @@ import msgspec
 
 from monitor.adapters.historian.layout import LONG
 from monitor.adapters.historian.merge import OutOfOrderError, Span, in_order, rows_of, sorted_samples
+from monitor.adapters.historian.reader import scan
 from monitor.adapters.historian.rows import Tally, UnusableError
-from monitor.adapters.historian.source import Source, scan
+from monitor.adapters.historian.source import Source
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment, LoopRow, Record
 from monitor.engine import Engine

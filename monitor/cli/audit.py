@@ -1,94 +1,57 @@
-"""What an audit shows on the terminal: a bar while it runs, the worst loops when it is done."""
+"""``loopsight audit``: a fleet's historian exports in, verdicts and settings out."""
 
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.table import Table
-from rich.text import Text
+import click
 
-from monitor.audit.result import AuditResult
-from monitor.audit.run import visible
-from monitor.audit.tasks import Progress as State
-from monitor.contract.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow
+_HELP = """Audit a fleet from historian exports.
 
-SHOWN = 20
-"""Loops on the terminal; the files have all."""
-_STYLES = {RETUNE: "bold red", INCONCLUSIVE: "yellow", GOOD: "green", NOT_ASSESSED: "dim"}
+PATH is a Parquet or CSV file, a folder or a glob: one long table (loop, time, sp, pv, op), a file per loop,
+or a wide table (time, LIC-101.SP, LIC-101.PV, LIC-101.OP, ...). DIR receives loops.csv and loops.parquet
+(a row per loop, worst first), events.parquet and audit.json.
+
+\b
+Example:
+  loopsight audit 'export/*.parquet' --loops loops.csv --out audit --jobs 4
+"""
 
 
-@contextmanager
-def progress_bar() -> Iterator[Callable[[State], None]]:
-    """Yield what draws an audit's progress: a bar on a terminal, nothing elsewhere."""
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield lambda _: None
-        return
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        work = bar.add_task("reading", total=None)
-        began = time.monotonic()
+@click.command("audit", help=_HELP)
+@click.argument("paths", nargs=-1, required=True, metavar="PATH...")
+@click.option(
+    "--loops",
+    "loops_file",
+    metavar="FILE",
+    help="Loop table. Default: all loops in the data, unknown settings.",
+)
+@click.option("--out", required=True, metavar="DIR", help="Folder for the results.")
+@click.option("--jobs", default=1, show_default=True, type=click.IntRange(1, 1024), help="Processes.")
+@click.option(
+    "--since", metavar="TIME", help="Leave out what is earlier (ISO; seconds where the data have numbers)."
+)
+@click.option("--until", metavar="TIME", help="Leave out this time and what is later.")
+@click.option("--tz", metavar="ZONE", help="Zone of times that name none, e.g. Europe/Berlin. Default: UTC.")
+@click.option(
+    "--time-unit",
+    type=click.Choice(["s", "ms", "us", "ns", "excel"]),
+    help="Unit of numeric times. Default: told by their range.",
+)
+@click.option("--resume", is_flag=True, help="Go on with an audit of the same data that was stopped.")
+@click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, e.g. tcp://10.0.0.5:8786.")
+def audit(**options: Any) -> None:
+    """Audit, show what was found, exit 0 or 2."""
+    from monitor.audit.run import run_audit
 
-        def draw(state: State) -> None:
-            seconds = max(time.monotonic() - began, 1e-3)
-            speed = state.rows / seconds
-            left = max(state.all_rows - state.rows, 0) / speed if speed else 0.0
-            bar.update(
-                work,
-                completed=min(state.rows, state.all_rows),
-                total=state.all_rows or None,
-                description=f"{state.rows / 1e6:.1f} M rows  {speed / 1e6:.2f} M/s  "
-                f"{state.loops}/{state.all_loops} loops  {left:.0f} s left",
-            )
+    from .audit_show import progress_bar, show
 
-        yield draw
-
-
-def show(result: AuditResult) -> None:
-    """Print what was left out (stderr), the worst loops, and where the files are."""
-    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
-    errors = Console(stderr=True, highlight=False, soft_wrap=True)
-    for line in result.problems:
-        errors.print(Text(line))
-    if result.exit_code:
-        return
-    if result.rows:
-        console.print(_table(result.rows[:SHOWN]))
-        if len(result.rows) > SHOWN:
-            console.print(f"... and {len(result.rows) - SHOWN} more in {result.files[0].name}")
-    c = result.counts
-    console.print(
-        f"{c['loops']} loops, {c['events']} events, {c['ok']} of {c['rows']} samples used: "
-        f"{c['loops_retune']} to retune, {c['loops_inconclusive']} inconclusive, "
-        f"{c['loops_good']} good, {c['loops_not_assessed']} not assessed.",
-        soft_wrap=True,
-    )
-    folder = result.files[0].parent
-    console.print(Text(f"{folder}/: {', '.join(f.name for f in result.files)}"), soft_wrap=True)
-
-
-def _table(rows: list[LoopRow]) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for heading, justify in (("verdict", "left"), ("loop", "left"), ("CI", "right"), ("Ms", "right")):
-        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    table.add_column("why", ratio=1)
-    table.add_column("new settings", max_width=44)
-    for row in rows:
-        table.add_row(
-            Text(row.verdict, _STYLES.get(row.verdict, "")),
-            Text(visible(row.loop)),
-            _figure(row.ci_setpoint if row.ci_setpoint is not None else row.ci_load),
-            _figure(row.ms),
-            Text(row.reason),
-            Text(row.action if row.new_kp is not None else ""),
-        )
-    return table
-
-
-def _figure(value: float | None) -> str:
-    return "" if value is None else f"{value:.2f}"
+    try:
+        with progress_bar() as progress:
+            result = run_audit(**options, progress=progress)
+    except (ValueError, OSError, ImportError) as error:
+        click.echo(f"loopsight audit: {error}", err=True)
+        sys.exit(2)
+    show(result)
+    sys.exit(result.exit_code)

@@ -1,13 +1,12 @@
-"""Driver of ``loopsight status``: asks monitors over Zenoh, prints what an operator wants to know."""
+"""``loopsight status``: asks monitors over Zenoh, prints what an operator wants to know."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import msgspec
+import click
 
-from monitor.adapters.zenoh_bus import ask, open_session
-from monitor.contract.records import WORST_FIRST
+from .common import Refused
 
 PATIENCE = 3.0
 """How long monitors may take to answer [s]."""
@@ -15,6 +14,23 @@ REFUSED = (
     "bad_value", "bad_quality", "duplicate", "late", "future", "bad_time", "malformed", "too_large",
     "unknown_loop", "missed_frames", "repeated_frames", "dropped", "crowded", "given_up", "unsaid",
 )  # fmt: skip
+
+
+@click.command(epilog="Example: loopsight status --json")
+@click.option("--connect", default="tcp/127.0.0.1:7447", show_default=True, metavar="ENDPOINT")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object for each monitor.")
+def status(connect: str, as_json: bool) -> None:
+    """Ask running monitors: alive, loops, rates, what was refused and why, flagged loops.
+
+    Exit 0 when at least one answers, 2 when none does.
+    """
+    try:
+        answers = ask_monitors(connect)
+    except OSError as error:
+        raise Refused(str(error)) from None
+    if not answers:
+        raise Refused(f"{connect}: no monitor answers")
+    show(answers, as_json)
 
 
 def ask_monitors(endpoint: str) -> list[dict[str, Any]]:
@@ -25,6 +41,10 @@ def ask_monitors(endpoint: str) -> list[dict[str, Any]]:
     BusError
         Nothing listens there.
     """
+    import msgspec
+
+    from monitor.adapters.zenoh_bus import ask, open_session
+
     session = open_session("client", connect=[endpoint])
     try:
         replies = ask(session, "loopsight/@/*/status", PATIENCE)
@@ -35,11 +55,15 @@ def ask_monitors(endpoint: str) -> list[dict[str, Any]]:
 
 def show(answers: list[dict[str, Any]], as_json: bool) -> None:
     """Print the answers: JSON, one object a line, or lines for a reader."""
+    import msgspec
+
     for answer in answers:
         print(msgspec.json.encode(answer).decode() if as_json else "\n".join(_lines(answer)))  # noqa: T201
 
 
 def _lines(answer: dict[str, Any]) -> list[str]:
+    from monitor.contract.records import WORST_FIRST
+
     loops = answer["loops"]
     refused = ", ".join(f"{answer[n]} {n.replace('_', ' ')}" for n in REFUSED if answer.get(n))
     rates = answer["rates"]

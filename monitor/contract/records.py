@@ -7,11 +7,10 @@ the data cannot carry is None. Times are integer nanoseconds here and take the r
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
+
+from .evidence import Window
 
 GOOD, RETUNE, INCONCLUSIVE, NOT_ASSESSED = "good", "retune", "inconclusive", "not_assessed"
 WORST_FIRST = (RETUNE, INCONCLUSIVE, GOOD, NOT_ASSESSED)
@@ -152,24 +151,6 @@ class Suggestion(msgspec.Struct, frozen=True, kw_only=True):
 
     row: LoopRow
     evidence: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Window:
-    """The evidence of an event: its samples and the model's response over them. Columns are (n,)."""
-
-    id: str
-    loop: str
-    onset: int
-    """[ns] since 1970."""
-    time: NDArray[np.int64]
-    """[ns] since 1970."""
-    sp: NDArray[np.float64]
-    pv: NDArray[np.float64]
-    op: NDArray[np.float64]
-    """Held until the next point; where the window was thinned, the mean over what was left out [OP]."""
-    model: NDArray[np.float64]
-    """PV as the fitted model gives it from OP [PV]; NaN without a fit."""
 
 
 Record = Event | Assessment | Suggestion | Window

@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numba
 import numpy as np
-
-jit: Any = numba.njit(cache=True, error_model="numpy")
-"""Compiled, cached on disk; 0/0 is NaN as in NumPy."""
 
 WARM_UP = 20
 """Quiet samples before a baseline is trusted: the mean of 20 has 0.22 of one sample's noise."""

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from monitor.compiled import jit
+
 from .state import (
     CANDIDATE,
     CLOSED,
@@ -19,7 +21,6 @@ from .state import (
     SETPOINT_STEP,
     WARM_UP,
     WINDOW,
-    jit,
 )
 
 
@@ -64,7 +65,7 @@ def begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time, pv):
     s.mean_e, s.var_e, s.abs_e, s.mean_s, s.var_s = s.mean_e_2, s.var_e_2, s.abs_e_2, s.mean_s_2, s.var_s_2
     s.sd_e = np.sqrt(s.var_e)
     s.amplitude = abs(s.short - s.mean_s)
-    lie_down(s, time)
+    restart_settling(s, time)
     s.waves = s.side = 0
     w = slab[s.slot]
     reach = s.based + s.away
@@ -92,7 +93,7 @@ def begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time, pv):
 
 
 @jit
-def lie_down(s, time):
+def restart_settling(s, time):
     """Begin anew to watch whether the error lies still."""
     s.still = time
     s.low = s.high = s.short
@@ -105,7 +106,7 @@ def confirm(s, out, n, i, time, sp):
     s.phase = EVENT
     s.events += 1
     s.held = sp
-    lie_down(s, time)
+    restart_settling(s, time)
     s.waves = s.side = 0
     o = out[n]
     o.kind = SETPOINT_STEP

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from monitor.detect.state import jit
+from monitor.compiled import jit
 
-from .oscillation import BLOCK, products
+from .autocorrelation import BLOCK, products
 
 LAGS = 30
 """Autocovariances kept, the first the variance."""

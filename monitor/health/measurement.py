@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.detect.state import jit
+from monitor.compiled import jit
 
 SMOOTH, UNWHITE = 0.5, 0.12
 """Largest share of second differences' variance that may be the process's, and by how much the autocorrelation at

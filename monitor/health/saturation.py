@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.detect.state import jit
+from monitor.compiled import jit
 
 REST = 5
 """Samples for which OP must be exactly the same to count as resting at its extreme: a coarse OP dwells there by

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.detect.state import jit
+from monitor.compiled import jit
 
 CAP = 63
 """Averages in a cycle at most: those that a level's block still holds."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.detect.state import jit
+from monitor.compiled import jit
 
 CLEAR = 500.0
 """Samples without which nothing is said of the wiring."""

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.detect.state import jit
+from monitor.compiled import jit
 
 from .measurement import LOUDER, clipped, run_of_loud
 from .saturation import never_moved

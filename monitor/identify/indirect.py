@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from tuners.settings import NotRepresentableError, Settings
 
-from .direct import tangent_scatter, with_uncertainty
 from .fit import INDIRECT, INTEGRATING, Array, Fit
 from .response import closed_loop
+from .uncertainty import tangent_scatter, with_uncertainty
 
 REPRODUCES = 0.98
 """Share of OP's variance that the known settings must explain, fed with the measured SP and PV."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from monitor.detect.state import jit
+from monitor.compiled import jit
 
 
 @jit

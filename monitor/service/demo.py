@@ -19,9 +19,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from monitor.adapters.loop_table import read_loop_table
 from monitor.adapters.store import Store
 from monitor.adapters.zenoh_bus import DEFAULT_ENDPOINT, Bus, BusError, open_session
-from monitor.contract.loops import read_loop_table
 from monitor.contract.records import RETUNE, Assessment, LoopRow, Record, Suggestion
 
 from .config import Config

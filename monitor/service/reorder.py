@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.compiled import jit
+from monitor.contract.entries import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_SP, UNKNOWN
 from monitor.contract.samples import UNCERTAIN, Samples
-from monitor.detect.state import jit
-from monitor.wire.decode import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_SP, UNKNOWN
 
 HELD = 64
 """Entries held for each loop (3 kB): 32 a second, 4 to a sample of tags."""

@@ -12,9 +12,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from monitor.adapters.loop_table import read_loop_table
 from monitor.adapters.store import Store
 from monitor.adapters.zenoh_bus import DEFAULT_ENDPOINT, Bus, BusError, open_session
-from monitor.contract.loops import LoopTable, read_loop_table
+from monitor.contract.loops import LoopTable
 
 from .config import Config
 from .service import PREFIX, Service, warm_up

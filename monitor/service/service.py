@@ -21,35 +21,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.adapters.store import Store, StoreError
+from monitor.contract.entries import Message
+from monitor.contract.evidence import Window
 from monitor.contract.loops import NAME_BYTES, Loop, LoopTable
-from monitor.contract.records import (
-    RETUNE,
-    WORST_FIRST,
-    Assessment,
-    Event,
-    LoopRow,
-    Record,
-    Suggestion,
-    Window,
-)
+from monitor.contract.records import RETUNE, WORST_FIRST, Assessment, Event, LoopRow, Record, Suggestion
 from monitor.contract.samples import Samples
+from monitor.contract.times import iso, time_of
 from monitor.detect.detector import Detector
 from monitor.engine import Engine
 from monitor.verdict.row import worst_first
 from monitor.verdict.stale import last_of, tell
-from monitor.wire.decode import (
-    FRAME_MIME,
-    JSON_MIME,
-    Decoder,
-    Message,
-    decode_event,
-    encode_record,
-    encode_trend,
-    encode_window,
-    iso,
-    time_of,
-    to_json,
-)
+from monitor.wire.arrow import encode_trend, encode_window
+from monitor.wire.decode import Decoder
+from monitor.wire.encode import FRAME_MIME, JSON_MIME, decode_event, encode_record, to_json
 
 from .config import Config
 from .reorder import Order

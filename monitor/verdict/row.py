@@ -7,10 +7,10 @@ import math
 from typing import Any
 
 from monitor.advise.suggestion import Advice, Withheld
-from monitor.contract.loops import FORMS, Loop
+from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, WORST_FIRST, LoopRow
 from tuners.blocks import BLOCKS
-from tuners.settings import Settings
+from tuners.settings import FORMS, Settings
 
 
 def worst_first(row: LoopRow) -> tuple[int, float, str]:

@@ -21,7 +21,7 @@ from monitor.assess.reference import settings_of
 from monitor.assess.tuning import MARGIN, trap
 from monitor.contract.loops import Loop, lives_with_offset
 from monitor.contract.records import INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow
-from monitor.health.observe import Health
+from monitor.health.loop_health import Health
 from monitor.identify.fit import INTEGRATING
 from tuners.models import IntegratingModel, SelfRegulatingModel
 

@@ -14,16 +14,10 @@ from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
-from monitor.contract.evidence import (
-    Pane,
-    Trend,
-    Window,
-    decode_record,
-    decode_trend,
-    decode_window,
-    merge,
-    nanoseconds,
-)
+from monitor.contract.evidence import Pane, Trend, Window, merge
+from monitor.contract.times import nanoseconds
+from monitor.wire.arrow import decode_trend, decode_window
+from monitor.wire.encode import decode_record
 
 from . import pages
 from .selection import SHOWN, Board, as_row

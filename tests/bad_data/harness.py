@@ -22,12 +22,13 @@ import pyarrow as pa
 
 from monitor.adapters.store import Store
 from monitor.adapters.zenoh_bus import Ring
-from monitor.audit.result import run_audit
-from monitor.contract.loops import Loop, LoopTable, parse_row
+from monitor.audit.run import run_audit
+from monitor.contract.entries import Message
+from monitor.contract.loop_fields import parse_row
+from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment, Event, LoopRow
 from monitor.service.config import Config
 from monitor.service.service import Service
-from monitor.wire.decode import Message
 
 START = 1_767_225_600
 """2026-01-01 [s]."""

@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 from harness import NAME, SECOND, SETTINGS, Outcome, audit, both, good, same, write
 
-from monitor.audit.result import run_audit
+from monitor.audit.run import run_audit
 from monitor.audit.tasks import plan
 from monitor.contract.records import GOOD
 
@@ -84,7 +84,7 @@ def test_nothing_usable_is_exit_2(tmp_path: Path) -> None:
 BOMB = """
 import resource, sys
 from pathlib import Path
-from monitor.adapters.historian.source import inspect
+from monitor.adapters.historian.reader import inspect
 from monitor.adapters.historian.rows import UnusableError
 resource.setrlimit(resource.RLIMIT_DATA, (1_000_000_000, 1_000_000_000))
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

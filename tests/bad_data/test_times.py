@@ -26,7 +26,7 @@ from harness import (
     write,
 )
 
-from monitor.audit.result import run_audit
+from monitor.audit.run import run_audit
 from monitor.contract.records import GOOD
 
 N = 700

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from harness import LOST, NAME, SECOND, SETTINGS, START, Live, audit, both, good, live, messages, same, text
 
-from monitor.audit.result import run_audit
+from monitor.audit.run import run_audit
 from monitor.contract.records import GOOD, NOT_ASSESSED
 
 N = 700

@@ -20,9 +20,9 @@ import pyarrow.parquet as pq
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from monitor.adapters.historian.merge import Span, in_order
+from monitor.adapters.historian.reader import inspect
 from monitor.adapters.historian.rows import Tally
-from monitor.adapters.historian.source import inspect
-from monitor.audit.result import run_audit
+from monitor.audit.run import run_audit
 from monitor.contract.loops import Loop, LoopTable
 from monitor.engine import Engine
 

@@ -26,11 +26,12 @@ import numpy as np
 import pyarrow as pa
 
 from monitor.adapters.zenoh_bus import Bus, Ring, open_session, plant_put
+from monitor.contract.entries import Message
 from monitor.contract.loops import Loop, LoopTable
 from monitor.engine import Engine
 from monitor.service.reorder import Order
 from monitor.service.service import Service, warm_up
-from monitor.wire.decode import Decoder, Message, _Sample
+from monitor.wire.decode import Decoder, _Sample
 from sim_plants.loops import Block
 from sim_plants.payloads import encode_frame, encode_sample, iso_times, name_array
 

@@ -24,7 +24,7 @@ from scipy.signal import lfilter
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector
-from monitor.health.observe import SATURATED, Health, figures
+from monitor.health.loop_health import SATURATED, Health, figures
 from sim_plants.loops import Block, Simulation
 from sim_plants.plants import Process
 from sim_plants.specs import LoopSpec, Steps

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from monitor.contract.loops import Loop, parse_row
+from monitor.contract.loop_fields import parse_row
+from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from sim_plants.controllers import Controller
 from sim_plants.loops import Block, Simulation

@@ -11,7 +11,7 @@ import pytest
 from test_identify import make_fit
 from twin import Seen, pi_loop, run, samples_of, times
 
-from monitor.assess.event import _explained
+from monitor.assess.evidence import is_explained
 from monitor.assess.tuning import judge, trap
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, RETUNE, Assessment
@@ -163,7 +163,7 @@ def test_what_a_model_must_explain(kind, quality, sigma, noise, amplitude, enoug
     """All but the noise; where far more than PV's noise is left over, as in a loop that swings, nearly all."""
     fit = replace(make_fit(), quality=quality, sigma=sigma)
     event = {"kind": kind, "amplitude": amplitude, "sd_e": 0.1, "noise": noise}
-    assert _explained(fit, event) == enough
+    assert is_explained(fit, event) == enough
 
 
 def test_a_load_step_on_a_self_regulating_loop():

@@ -18,10 +18,12 @@ from click.testing import CliRunner, Result
 
 from monitor.adapters.tables import columns, loops_csv, write_tables
 from monitor.audit import tasks
-from monitor.audit.result import PARTS, audit_command, run_audit
-from monitor.audit.run import expand, visible
+from monitor.audit.result import PARTS
+from monitor.audit.run import expand, run_audit
 from monitor.audit.tasks import Part, Task, plan, run_task
+from monitor.cli.audit import audit as audit_command
 from monitor.contract.records import Assessment, LoopRow
+from monitor.contract.text import visible
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 FILES = ("events.parquet", "loops.parquet", "loops.csv", "audit.json")

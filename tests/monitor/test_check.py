@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner, Result
 
-from monitor.check import check_command
+from monitor.cli.check import check as check_command
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 GOOD = "loop,time,sp,pv,op\n" + "".join(f"LIC-1,{10 * k},50,{50 + k % 3},40\n" for k in range(20))

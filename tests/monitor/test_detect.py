@@ -28,7 +28,8 @@ from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector
 from monitor.detect.state import OPENED, RING, STATES, WINDOW
-from monitor.identify.direct import fit_window, load_integrals, setpoint_integrals
+from monitor.identify.direct import fit_window
+from monitor.identify.integrals import load_integrals, setpoint_integrals
 from sim_plants.fleet import random_fleet
 from sim_plants.loops import Simulation
 from sim_plants.scenarios import reference_loops

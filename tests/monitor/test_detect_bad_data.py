@@ -19,7 +19,7 @@ from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples, join
 from monitor.detect.detector import Detector
 from monitor.detect.state import BY_GAP, COUNTS, REBASE, STATES
-from monitor.identify.direct import setpoint_integrals
+from monitor.identify.integrals import setpoint_integrals
 from sim_plants.loops import Simulation
 from sim_plants.scenarios import reference_loops
 from sim_plants.specs import NEVER, Steps

@@ -17,7 +17,8 @@ from twin import SECOND, START
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector
-from monitor.health.observe import HEALTH, Health, figures
+from monitor.health.loop_health import Health, figures
+from monitor.health.observe import HEALTH
 
 Array = NDArray[np.float64]
 N = 3000

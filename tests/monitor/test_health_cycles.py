@@ -13,8 +13,9 @@ from twin import SECOND, START
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector
-from monitor.health.observe import Health, figures
-from monitor.health.oscillation import BLOCK, LAGS, cycle
+from monitor.health.autocorrelation import BLOCK, LAGS
+from monitor.health.loop_health import Health, figures
+from monitor.health.oscillation import cycle
 from sim_plants.controllers import Controller
 from sim_plants.loops import Simulation
 from sim_plants.plants import Plant

@@ -18,8 +18,9 @@ from monitor.adapters.historian import merge
 from monitor.adapters.historian.cells import modes, numbers, qualities
 from monitor.adapters.historian.clock import EXCEL_EPOCH, clock_of_numbers, numbers_to_ns, to_utc, zone_of
 from monitor.adapters.historian.merge import OutOfOrderError, Span, in_order, load, sorted_samples
+from monitor.adapters.historian.reader import inspect, read, scan
 from monitor.adapters.historian.rows import Tally, UnusableError
-from monitor.adapters.historian.source import MOST_COLUMNS, Source, inspect, read, scan
+from monitor.adapters.historian.source import MOST_COLUMNS, Source
 from monitor.contract.samples import Samples, join
 
 START = np.datetime64("2026-03-01T00:00:00", "ns").astype(np.int64)

@@ -14,17 +14,13 @@ from twin import Array, pi_loop, response, samples_of
 from monitor.contract.loops import Loop
 from monitor.detect.detector import Detector
 from monitor.detect.state import CLOSED
-from monitor.identify.direct import (
-    correlation_time,
-    fit_kinds,
-    fit_window,
-    model_response,
-    setpoint_integrals,
-)
+from monitor.identify.direct import fit_kinds, fit_window, model_response
 from monitor.identify.fit import INTEGRATING, SELF_REGULATING, Fit, combine, contradictory, decide
+from monitor.identify.integrals import setpoint_integrals
+from monitor.identify.projection import blocks
 from monitor.identify.response import load_response
 from monitor.identify.response import response as fast_response
-from monitor.identify.search import blocks
+from monitor.identify.uncertainty import correlation_time
 from sim_plants.controllers import Controller
 from sim_plants.loops import Simulation
 from sim_plants.plants import Plant

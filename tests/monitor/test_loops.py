@@ -10,7 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor.contract.loops import Loop, LoopTable, LoopTableError, default_key, parse_row, read_loop_table
+from monitor.adapters.loop_table import read_loop_table
+from monitor.contract.loop_fields import parse_row
+from monitor.contract.loops import Loop, LoopTable, LoopTableError, default_key
 
 
 def test_only_the_name_is_required():

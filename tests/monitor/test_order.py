@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from monitor.contract.entries import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_PV, TAG_SP, UNKNOWN
 from monitor.contract.samples import UNCERTAIN, Samples, join
 from monitor.service.reorder import HELD, Order
-from monitor.wire.decode import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_PV, TAG_SP, UNKNOWN
 
 SECOND = 10**9
 T0 = 1_795_341_600 * SECOND

@@ -14,7 +14,8 @@ import pandas as pd
 import pytest
 from twin import Seen, sorted_records
 
-from monitor.contract.loops import Loop, read_loop_table
+from monitor.adapters.loop_table import read_loop_table
+from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, RETUNE, Assessment, LoopRow
 from monitor.contract.samples import Samples
 from monitor.engine import Engine

@@ -21,13 +21,14 @@ from hypothesis import strategies as st
 
 from monitor.adapters.store import Store, StoreError
 from monitor.adapters.zenoh_bus import Ring, _parameters
-from monitor.contract.loops import Loop, LoopTable, parse_row
+from monitor.contract.entries import Message
+from monitor.contract.loop_fields import parse_row
+from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment, LoopRow, Suggestion
 from monitor.contract.samples import Samples
 from monitor.engine import Engine
 from monitor.service.config import Config
 from monitor.service.service import MOST_UNKEPT, Service, plain
-from monitor.wire.decode import Message
 from sim_plants.loops import Simulation
 from sim_plants.publish import Publisher
 from sim_plants.scenarios import SCENARIOS

@@ -13,12 +13,12 @@ import pytest
 
 from monitor.adapters.store import Store
 from monitor.adapters.zenoh_bus import Ring
+from monitor.contract.entries import Message
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment
 from monitor.service.config import Config
 from monitor.service.service import Service
 from monitor.service.snapshot import MOST, read, take, write
-from monitor.wire.decode import Message
 
 START = 1_767_225_600
 N = 700

@@ -8,7 +8,7 @@ import pytest
 
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow
-from monitor.health.observe import Health
+from monitor.health.loop_health import Health
 from monitor.verdict.tree import TREE, WITHHOLDS, conclude
 
 FLAGS = {

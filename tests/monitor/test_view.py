@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,11 @@ from fake_monitor import Loop, assessment, demo_loops, row, trend_payload, windo
 from view_tools import paths, read, texts
 
 from monitor.adapters.rerun_view import picture as rerun_picture
-from monitor.contract.evidence import Pane, decode_trend, decode_window
+from monitor.contract.evidence import Pane
 from monitor.contract.figures import MEANINGS
 from monitor.contract.records import LoopRow
 from monitor.view import pages
+from monitor.wire.arrow import decode_trend, decode_window
 
 HOSTILE = [
     "../../etc/passwd",
@@ -104,7 +106,7 @@ def test_names_are_data(tmp_path: Path, loop: Loop) -> None:
     window = decode_window(window_payload(loop))
     for name in HOSTILE:
         facts = {**row(loop), "loop": name, "reason": name, "action": name}
-        picture.window(window._replace(loop=name))
+        picture.window(replace(window, loop=name))
         picture.page(pages.loop_page(facts, {**assessment(loop), "loop": name}), name)
         picture.log(*pages.log_line({**assessment(loop), "loop": name, "reason": name}), loop.onset)
     picture.layout([Pane(name, 0, 1) for name in HOSTILE])

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from fake_monitor import Loop, arrow, assessment, demo_loops, row, trend_payload, window_payload
 
-from monitor.contract.evidence import Pane, decode_trend, merge, nanoseconds
+from monitor.contract.evidence import Pane, merge
+from monitor.contract.times import nanoseconds
 from monitor.view.feed import LOG_LINES, QUESTIONS, QUIET, Feed, Inbox
 from monitor.view.selection import Board
+from monitor.wire.arrow import decode_trend
 
 
 @pytest.fixture

@@ -21,8 +21,8 @@ from view_tools import children, gone, read, texts, until
 
 from monitor.adapters.rerun_view import picture as rerun_picture
 from monitor.adapters.rerun_view import process as rerun_process
-from monitor.contract.evidence import decode_window
 from monitor.view.process import ViewProcess, run, start_view
+from monitor.wire.arrow import decode_window
 
 ROOT = Path(__file__).parents[2]
 LINUX = sys.platform.startswith("linux")

@@ -19,29 +19,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from monitor.contract.entries import LARGEST, SAMPLE, TAG_AUTO, TAG_OP, TAG_PV, TAG_SP, UNKNOWN, Message
 from monitor.contract.loops import Loop, LoopTable, default_key
+from monitor.contract.quality import opc_quality
 from monitor.contract.records import Event, LoopRow, Suggestion
 from monitor.contract.samples import UNCERTAIN
+from monitor.contract.times import iso, time_of
 from monitor.wire.arrow_header import claim
-from monitor.wire.decode import (
-    LARGEST,
-    MOST_BATCHES,
-    MOST_KEYS,
-    MOST_ROWS,
-    SAMPLE,
-    TAG_AUTO,
-    TAG_OP,
-    TAG_PV,
-    TAG_SP,
-    UNKNOWN,
-    Decoder,
-    Message,
-    encode_record,
-    iso,
-    opc_quality,
-    time_of,
-    to_json,
-)
+from monitor.wire.decode import MOST_BATCHES, MOST_KEYS, MOST_ROWS, Decoder
+from monitor.wire.encode import encode_record, to_json
 
 NOW = 1_795_341_600 * 10**9  # 2026-11-22T10:00:00Z
 MINUTE = 60 * 10**9

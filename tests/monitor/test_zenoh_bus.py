@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from monitor.adapters.zenoh_bus import Bus, BusError, Ring, _parameters, ask, open_session, plant_put
-from monitor.wire.decode import Message
+from monitor.contract.entries import Message
 
 
 def free_port() -> int:

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.contract.loops import Loop, LoopTable, parse_row
-from monitor.contract.records import Assessment, Event, LoopRow, Record, Suggestion, Window
+from monitor.contract.evidence import Window
+from monitor.contract.loop_fields import parse_row
+from monitor.contract.loops import Loop, LoopTable
+from monitor.contract.records import Assessment, Event, LoopRow, Record, Suggestion
 from monitor.contract.samples import Samples
 from monitor.engine import Engine
 from sim_plants.loops import Block, Simulation

@@ -9,8 +9,10 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 
-from monitor.contract.loops import Loop, LoopTable, parse_row
-from monitor.wire.decode import Decoder, Message
+from monitor.contract.entries import Message
+from monitor.contract.loop_fields import parse_row
+from monitor.contract.loops import Loop, LoopTable
+from monitor.wire.decode import Decoder
 from sim_plants.controllers import Controller
 from sim_plants.export import write_export
 from sim_plants.fleet import random_fleet

@@ -9,12 +9,13 @@ import sys
 import pytest
 from click.testing import CliRunner
 
-from monitor.cli.tune import EPILOG, suggest, tune
+from monitor.cli.tune import EPILOG, tune
 from tuners.blocks import BLOCKS, find_block, from_block
 from tuners.models import IntegratingModel
 from tuners.robustness import closed_loop_response, margins
 from tuners.rules import RULES
 from tuners.settings import Settings
+from tuners.suggest import suggest
 
 MODEL = ["--gain", "-0.05", "--dead-time", "6", "--lag", "3"]
 KEYS = (

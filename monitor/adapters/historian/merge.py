@@ -19,8 +19,9 @@ from monitor.contract.samples import Samples, join
 
 from .clock import MissingHourError, to_utc
 from .layout import LONG
+from .reader import read
 from .rows import HOLD_OP, HOLD_SP, Rows, Tally, UnusableError, join_rows
-from .source import Source, read
+from .source import Source
 
 jit: Any = numba.njit(cache=True, nogil=True)
 """Compiled, cached on disk; lets the reading thread run beside it."""

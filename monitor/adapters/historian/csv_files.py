@@ -1,0 +1,116 @@
+"""CSV exports: heading, delimiter, encoding, and batches of columns as text."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+from collections.abc import Callable, Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+
+from .clock import Clock
+from .layout import TIME, layout_of
+from .rows import MOST_LINES, Tally
+from .source import MOST_COLUMNS, MOST_LINE_BYTES, Source, headings_of, with_head
+
+BLOCK_BYTES = 1 << 20
+
+
+# ---------------------------------------------------------------------------------------------------
+# CSV
+
+
+def inspect_csv(path: Path, name: str, names: Collection[str], unit: str | None, stat: Any) -> Source:
+    """Look at a CSV file: headings, layout, clock; as `reader.inspect`."""
+    found, delimiter, encoding = csv_head(path)
+    if "name" in found and not set(TIME) & {h.lower() for h in found}:
+        raise ValueError("a loop table, not data")
+    layout = layout_of(found, path, names)
+    source = Source(
+        path, name, stat.st_size, stat.st_mtime_ns, "csv", layout, Clock("text"),
+        headings=found, delimiter=delimiter, encoding=encoding,
+    )  # fmt: skip
+    first = next(csv_batches(source, headings_of(layout, None), lambda _: "skip"), None)
+    return with_head(source, None if first is None else first[1], unit)
+
+
+def csv_head(path: Path) -> tuple[tuple[str, ...], str, str]:
+    """Return a CSV file's headings, delimiter and encoding.
+
+    Raises
+    ------
+    ValueError
+        The line of headings exceeds the bounds.
+    """
+    with path.open("rb") as file:
+        head = file.read(BLOCK_BYTES)
+        if b"\n" not in head:
+            head += file.read(MOST_LINE_BYTES - BLOCK_BYTES)
+    encoding = _encoding(head)
+    line, newline, _ = head.decode(encoding, errors="replace").removeprefix("\ufeff").partition("\n")
+    if not newline and len(head) == MOST_LINE_BYTES:
+        raise ValueError(f"a line of more than {MOST_LINE_BYTES >> 20} MB")
+    line = line.rstrip("\r")
+    delimiter = max(",;\t", key=line.count)
+    if line.count(delimiter) >= MOST_COLUMNS:
+        raise ValueError(f"{line.count(delimiter) + 1} columns, expected at most {MOST_COLUMNS}")
+    return tuple(h.strip() for h in next(csv.reader([line], delimiter=delimiter), [])), delimiter, encoding
+
+
+def _encoding(head: bytes) -> str:
+    """UTF-16 by its mark; UTF-8; else one byte a character, as older historians write."""
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    try:
+        codecs.getincrementaldecoder("utf8")().decode(head)
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf8"
+
+
+def csv_batches(
+    source: Source,
+    headings: list[str],
+    on_bad_line: Callable[[Any], str],
+    *,
+    threads: bool = True,
+) -> Iterator[tuple[int, Any]]:
+    """Read columns as text; ``on_bad_line`` sees each line with another number of cells."""
+    ids = [f"c{k}" for k in range(len(source.headings))]  # headings may repeat
+    place = {h: k for k, h in reversed(list(enumerate(source.headings)))}
+    wanted = [ids[place[h]] for h in headings]
+    block = BLOCK_BYTES
+    while block < min(MOST_LINE_BYTES, 64 * len(source.headings)):
+        block *= 2
+    reader = pa_csv.open_csv(
+        source.path,
+        read_options=pa_csv.ReadOptions(
+            column_names=ids, skip_rows=1, use_threads=threads, block_size=block, encoding=source.encoding
+        ),
+        parse_options=pa_csv.ParseOptions(delimiter=source.delimiter, invalid_row_handler=on_bad_line),
+        convert_options=pa_csv.ConvertOptions(
+            column_types=dict.fromkeys(wanted, pa.string()), include_columns=wanted, strings_can_be_null=False
+        ),
+    )
+    row = 0
+    for batch in reader:
+        yield row, batch.rename_columns(headings)
+        row += len(batch)
+
+
+def bad_lines(source: Source, tally: Tally) -> None:
+    """Find the numbers of lines with too few or too many cells (a second pass, only where there are any)."""
+    lines: dict[int, str] = {}
+
+    def note(row: Any) -> str:
+        if len(lines) < MOST_LINES:
+            lines[row.number] = f"{row.actual_columns} cells, expected {row.expected_columns}"
+        return "skip"
+
+    for _ in csv_batches(source, [source.layout.time], note, threads=False):
+        if len(lines) >= MOST_LINES:
+            break
+    tally.lines[source.name] = lines

@@ -1,0 +1,89 @@
+"""Parquet exports: bounds, and batches of columns."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+
+from .clock import Clock
+from .layout import LONG, Layout, layout_of
+from .source import CELLS, HEAD, MOST_COLUMNS, Source, headings_of, with_head
+
+BUFFER_BYTES = 64 << 20
+"""Read ahead of a Parquet file, over all columns."""
+FREE_BYTES = 256 << 20
+"""Decoded size up to which the ratio to the file's size does not matter."""
+MOST_RATIO = 1000
+"""Decoded size over file size. Idle loops of a fleet come to 40; a file made to do harm has thousands."""
+MOST_CHUNK_BYTES = 2 << 30
+"""Decoded size of one column in one row group, as the file declares it."""
+
+
+# ---------------------------------------------------------------------------------------------------
+# Parquet
+
+
+def open_parquet(path: Path, loop: str = "", columns: int = 1) -> Any:
+    """Open a file to be read column by column in pieces; to buffer ahead would hold all of it in memory."""
+    piece = max(4096, BUFFER_BYTES // columns)
+    return pq.ParquetFile(path, read_dictionary=[loop] if loop else None, pre_buffer=False, buffer_size=piece)
+
+
+def inspect_parquet(path: Path, name: str, names: Collection[str], unit: str | None, stat: Any) -> Source:
+    """Look at a Parquet file: bounds, layout, clock; as `reader.inspect`."""
+    file = open_parquet(path)
+    meta = file.metadata
+    if meta.num_columns > MOST_COLUMNS:
+        raise ValueError(f"{meta.num_columns} columns, expected at most {MOST_COLUMNS}")
+    layout = layout_of(file.schema_arrow.names, path, names)
+    _bound(meta, layout, stat.st_size)
+    source = Source(
+        path, name, stat.st_size, stat.st_mtime_ns, "parquet", layout, Clock("text"), meta.num_rows
+    )
+    wanted = headings_of(layout, None)
+    first = next(file.iter_batches(max(64, min(CELLS // len(wanted), HEAD)), columns=wanted), None)
+    return with_head(source, first, unit)
+
+
+def _bound(meta: Any, layout: Layout, size: int) -> None:
+    """Refuse before anything is decoded what would decode to too much.
+
+    Raises
+    ------
+    ValueError
+        The rows times their width, or a column of a row group, exceed the bounds.
+    """
+    wanted = headings_of(layout, None)
+    decoded = meta.num_rows * 8 * len(wanted)
+    if decoded > max(FREE_BYTES, MOST_RATIO * size):
+        raise ValueError(
+            f"{meta.num_rows} rows decode to {decoded / 1e6:.0f} MB, {decoded / size:.0f} times the file; "
+            f"expected at most {MOST_RATIO} times"
+        )
+    for g in range(meta.num_row_groups):
+        group = meta.row_group(g)
+        for c in range(group.num_columns):
+            column = group.column(c)
+            if column.path_in_schema in wanted and column.total_uncompressed_size > MOST_CHUNK_BYTES:
+                raise ValueError(f"column {column.path_in_schema!r} decodes to more than 2 GB a row group")
+
+
+def parquet_batches(
+    source: Source, headings: list[str], groups: Collection[int] | None
+) -> Iterator[tuple[int, Any]]:
+    """Read columns of these row groups (None: all): (first row, batch)."""
+    loop = source.layout.loop if source.layout.kind == LONG else ""
+    file = open_parquet(source.path, loop, len(headings))
+    size = max(64, min(CELLS // len(headings), 1 << 18))
+    row = 0
+    for g in range(file.num_row_groups):
+        n = file.metadata.row_group(g).num_rows
+        if groups is None or g in groups:
+            at = row
+            for batch in file.iter_batches(size, row_groups=[g], columns=headings):
+                yield at, batch
+                at += len(batch)
+        row += n

@@ -1,0 +1,69 @@
+"""Loop tables from files: CSV, TOML, Parquet."""
+
+from __future__ import annotations
+
+import csv
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from monitor.contract.loop_fields import COLUMNS, known_forms, parse_row
+from monitor.contract.loops import LoopTable, LoopTableError
+
+# ---------------------------------------------------------------------------------------------------
+# files
+
+
+def read_loop_table(path: Path | str) -> LoopTable:
+    """Read ``.csv``, ``.toml`` (tables ``[[loop]]``) or ``.parquet``.
+
+    Raises
+    ------
+    LoopTableError
+        With every problem of the file: ``file:row: field: value, expected …``.
+    OSError
+        The file cannot be read.
+    """
+    path = Path(path)
+    table, problems = LoopTable([]), []
+    try:
+        rows = _rows(path)
+    except (UnicodeDecodeError, csv.Error, tomllib.TOMLDecodeError, ValueError) as error:
+        raise LoopTableError([f"{path}: {error}"]) from None
+    forms = known_forms()
+    for number, row in rows:
+        loop, wrong = parse_row(row, forms)
+        problems += [f"{path}:{number}: {what}" for what in wrong]
+        if loop is None:
+            continue
+        try:
+            table.add(loop)
+        except ValueError as error:
+            problems.append(f"{path}:{number}: name: {error}, expected a unique name and key")
+    if problems:
+        raise LoopTableError(problems)
+    if not len(table):
+        raise LoopTableError([f"{path}: no loop in it, expected a row per loop with a column `name`"])
+    return table
+
+
+def _rows(path: Path) -> list[tuple[int, dict[str, Any]]]:
+    """Read the rows with the line (CSV) or running number by which a user finds them."""
+    if path.suffix == ".toml":
+        tables = tomllib.loads(path.read_text(encoding="utf-8")).get("loop", [])
+        if not isinstance(tables, list):
+            raise ValueError("loop: expected tables [[loop]]")
+        return list(enumerate(tables, 1))
+    if path.suffix == ".parquet":
+        import pandas as pd  # noqa: PLC0415 (half a second, only for this format)
+
+        records = pd.read_parquet(path).to_dict("records")
+        return [(n, {str(k): v for k, v in r.items()}) for n, r in enumerate(records, 1)]
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        head = file.readline()
+        file.seek(0)
+        reader = csv.DictReader(file, delimiter=";" if head.count(";") > head.count(",") else ",")
+        if reader.fieldnames is None or "name" not in [f.strip() for f in reader.fieldnames]:
+            raise ValueError(f"no column `name` in its header, expected some of {', '.join(COLUMNS)}")
+        reader.fieldnames = [f.strip() for f in reader.fieldnames]
+        return [(reader.line_num, row) for row in reader]

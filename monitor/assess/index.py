@@ -1,0 +1,52 @@
+"""The closed-loop index of an event (Veronesi & Visioli 2010) and its overshoot."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from monitor.contract.loops import Loop
+from monitor.detect.state import SETTLED, STATES
+from monitor.identify.fit import Array, Fit
+
+from .reference import (
+    LOAD,
+    SETPOINT,
+    closed_loop_time,
+    model_of,
+    reduced,
+    reference_iae,
+    reference_structure,
+)
+
+
+def index(loop: Loop, event: Any, fit: Fit) -> float | None:
+    """CI_sp or CI_ld: the reference's IAE over the measured one (its noise's share taken off); None where none applies.
+
+    Of an event that was cut short the IAE is a lower bound, so CI is an upper one. It is given where the error
+    had died down to a tenth of the step, and where even the bound is too low.
+    """
+    model = model_of(fit)
+    structure = reference_structure(loop)
+    tc = closed_loop_time(loop, reduced(model, structure), float(event["period"]))
+    try:
+        kind, size = (SETPOINT, float(event["amplitude"])) if fit.size is None else (LOAD, fit.size)
+        best = reference_iae(kind, size, model, structure, tc, loop.b, loop.c)
+    except ValueError:
+        return None
+    iae = float(event["iae"] - event["iae_noise"])
+    if not math.isfinite(best) or iae <= 0:
+        return None
+    still_far = abs(float(event["offset"])) > 0.1 * abs(float(event["amplitude"]))
+    if STATES[event["state"]] != SETTLED and still_far and best / iae >= loop.ci_min:
+        return None
+    return best / iae
+
+
+def overshoot(event: Any, window: Array) -> float:
+    """How far PV went beyond the new set point, as a share of the step."""
+    after = window[int(event["before"]) :]
+    size = float(event["amplitude"])
+    return max(float(np.max((after[:, 2] - after[:, 1]) / size)), 0.0) if len(after) else 0.0

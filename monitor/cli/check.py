@@ -1,0 +1,46 @@
+"""``loopsight check``: every problem of a configuration, loop table or data file, before it is used."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+_HELP = """Check configurations, loop tables and data files.
+
+Prints every problem with file, line or row, field, value and what would be accepted. Exit 0 without
+problems, 2 with.
+
+\b
+Example:
+  loopsight check loops.csv monitor.toml export/data.parquet
+"""
+
+
+@click.command("check", help=_HELP)
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path))
+@click.option("--tz", metavar="ZONE", help="Zone of times that name none, e.g. Europe/Berlin. Default: UTC.")
+@click.option(
+    "--time-unit",
+    type=click.Choice(["s", "ms", "us", "ns", "excel"]),
+    help="Unit of numeric times. Default: told by their range.",
+)
+def check(files: tuple[Path, ...], tz: str | None, time_unit: str | None) -> None:
+    """Check, print what was found, exit 0 or 2."""
+    from monitor.check import check_file, counted
+    from monitor.contract.text import visible
+
+    failed = False
+    for path in files:
+        try:
+            found = check_file(path, tz, time_unit)
+        except ValueError as error:
+            raise click.UsageError(str(error)) from None
+        for line in found.problems:
+            click.echo(visible(line), err=True)
+        failed = failed or bool(found.problems)
+        if found.what:
+            end = f"; {counted(len(found.problems), 'problem')}" if found.problems else "; no problem"
+            click.echo(visible(f"{path}: {found.what}{end}"))
+    sys.exit(2 if failed else 0)

@@ -1,0 +1,57 @@
+"""``loopsight monitor``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .common import Refused, until_told
+
+# ---------------------------------------------------------------------------------------------------
+
+
+@click.command(epilog="Example: loopsight monitor --loops loops.csv --connect tcp/10.1.2.3:7447")
+@click.option(
+    "--config", "file", type=click.Path(dir_okay=False, path_type=Path), help="Configuration (.toml)."
+)
+@click.option(
+    "--loops", type=click.Path(dir_okay=False), help="Loop table; without one, every loop heard is watched."
+)
+@click.option("--connect", multiple=True, metavar="ENDPOINT", help="An existing Zenoh router.")
+@click.option(
+    "--listen",
+    multiple=True,
+    metavar="ENDPOINT",
+    help="Listen here, as a router.  [default: tcp/127.0.0.1:7447]",
+)
+@click.option("--state", type=click.Path(file_okay=False), help="Folder for what is kept.")
+@click.option("--view", type=click.Choice(["web", "native", "none"]), help="Show flagged loops in Rerun.")
+@click.option(
+    "--save", type=click.Path(dir_okay=False, path_type=Path), help="Record the view into this .rrd file."
+)
+@click.option("--verbose", is_flag=True, help="Log every assessment.")
+def monitor(
+    file: Path | None, loops: str | None, connect: tuple[str, ...], listen: tuple[str, ...], state: str | None,
+    view: str | None, save: Path | None, verbose: bool,
+) -> None:  # fmt: skip
+    """Watch loops over Zenoh, day and night.
+
+    Prints a line that begins with `ready` once it listens. SIGTERM or Ctrl-C: finishes what it holds, exit 0.
+    """
+    from monitor.service.config import load
+    from monitor.service.run import run_monitor
+
+    stop = until_told()
+    try:
+        config = load(
+            file,
+            loops=loops,
+            connect=list(connect) or None,
+            listen=list(listen) or None,
+            state=state,
+            view=view,
+        )
+        run_monitor(config, stop, save=save, verbose=verbose)
+    except (ValueError, OSError) as error:
+        raise Refused(str(error)) from None

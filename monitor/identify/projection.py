@@ -1,0 +1,144 @@
+"""The compiled least squares of a window: what follows linearly is projected out (Golub & Pereyra 1973)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from monitor.compiled import jit
+
+from .response import load_response, response_at
+
+DEAD, LAG, SHARE, ONSET = range(4)
+"""Places of the parameters."""
+MOST_POINTS = 500
+"""Points above which a window is searched in blocks of mean values: long blocks look like a lag."""
+
+
+@jit
+def project(x, t, kind):
+    """Take mean (and, integrating, slope) out of a column, in place: c0 and c1 need no search."""
+    n = len(x)
+    x -= x.mean()
+    if kind == 0:
+        middle = t.mean()
+        top = bottom = 0.0
+        for i in range(n):
+            top += (t[i] - middle) * x[i]
+            bottom += (t[i] - middle) ** 2
+        slope = top / bottom
+        for i in range(n):
+            x[i] -= slope * (t[i] - middle)
+    return x
+
+
+@jit
+def columns(at, t, u, kind, p):
+    """Return what OP and what a load step of one unit do to PV, gain 1, projected; the latter empty without one."""
+    lag2 = p[SHARE] * p[LAG]
+    x = project(response_at(at, t, u, kind % 2, p[DEAD], p[LAG], lag2), at, kind)
+    if kind < 2:
+        return x, np.zeros(0)
+    return x, project(load_response(at - p[ONSET], kind % 2, 1.0, p[DEAD], p[LAG], lag2), at, kind)
+
+
+@jit
+def evaluate(at, t, u, py, kind, p, r):
+    """Best gain, gain times load size, and residual sum of squares; the residuals go to ``r``.
+
+    ``py`` is PV, projected.
+    """
+    x, g = columns(at, t, u, kind, p)
+    xx = xg = gg = xy = gy = 0.0
+    for i in range(len(x)):
+        xx += x[i] * x[i]
+        xy += x[i] * py[i]
+    for i in range(len(g)):
+        xg += x[i] * g[i]
+        gg += g[i] * g[i]
+        gy += g[i] * py[i]
+    gain, load = xy / xx, 0.0
+    if kind >= 2:
+        det = xx * gg - xg * xg
+        if det <= 1e-14 * xx * gg:
+            return 0.0, 0.0, np.inf
+        gain, load = (gg * xy - xg * gy) / det, (xx * gy - xg * xy) / det
+    if not xx > 0.0:
+        return 0.0, 0.0, np.inf
+    rss = 0.0
+    for i in range(len(x)):
+        r[i] = py[i] - gain * x[i]
+        if kind >= 2:
+            r[i] -= load * g[i]
+        rss += r[i] * r[i]
+    return gain, load, rss
+
+
+@jit
+def blocks(t, u, y, most):
+    """Thin a window to about ``most`` points: (times of PV, PV, times of OP, OP), means over blocks.
+
+    OP is a block's mean, held from its first time on; PV is the mean, at the mean time.
+    """
+    size = (len(t) + most - 1) // most
+    n = len(t) // size
+    at, yy, tt, uu = np.zeros(n), np.zeros(n), np.empty(n), np.empty(n)
+    for k in range(n):
+        first, end = k * size, min((k + 1) * size, len(t) - 1)
+        tt[k] = t[first]
+        area = 0.0
+        for j in range(first, end):
+            area += u[j] * (t[j + 1] - t[j])
+        uu[k] = area / (t[end] - tt[k]) if t[end] > tt[k] else u[first]
+        for j in range(first, first + size):
+            at[k] += t[j] / size
+            yy[k] += y[j] / size
+    return at, yy, tt, uu
+
+
+@jit
+def slopes(at, t, u, kind, p, gain, load):
+    """PV's change per unit of ln gain, lag, second lag, dead time [s], and for a load its onset [s] and ln size.
+
+    Secants of 5 % of T0: at lags of zero the tangents of lags and dead time coincide. All is projected.
+    """
+    lags = np.array([p[LAG], p[SHARE] * p[LAG], p[DEAD], p[ONSET]])
+    step = 0.05 * (lags[0] + lags[1] + lags[2]) + 0.05 * (at[-1] - at[0]) / len(at)
+    m = 6 if kind >= 2 else 4
+    out = np.zeros((len(at), m))
+    for k in range(1, min(m, 5)):
+        ahead, behind = lags.copy(), lags.copy()
+        ahead[k - 1] += step
+        behind[k - 1] -= step
+        if k < 4:
+            behind[k - 1] = max(behind[k - 1], 0.0)
+        for side, v in ((1.0, ahead), (-1.0, behind)):
+            share = min(v[0], v[1]) / max(v[0], v[1]) if v[0] + v[1] > 0.0 else 0.0
+            x, g = columns(at, t, u, kind, np.array([v[2], max(v[0], v[1]), share, v[3]]))
+            for i in range(len(at)):
+                out[i, k] += side * gain * x[i] / (ahead[k - 1] - behind[k - 1])
+                if m == 6:
+                    out[i, k] += side * load * g[i] / (ahead[k - 1] - behind[k - 1])
+    x, g = columns(at, t, u, kind, p)
+    for i in range(len(at)):
+        out[i, 0] = gain * x[i]
+        if m == 6:
+            out[i, 0] += load * g[i]
+            out[i, 5] = load * g[i]
+    return out
+
+
+@jit
+def of_pulses(at, kind, gain, p, first, end, area, inverse):
+    """Return what pulses of OP between these times, of these areas [OP s], do to parameters: (parameters, pulses).
+
+    ``inverse`` (parameters, n) is the pseudo-inverse of PV's change per unit of each.
+    """
+    out = np.zeros((len(inverse), len(first)))
+    for k in range(len(first)):
+        on = load_response(at - first[k], kind % 2, gain, p[DEAD], p[LAG], p[SHARE] * p[LAG])
+        off = load_response(at - end[k], kind % 2, gain, p[DEAD], p[LAG], p[SHARE] * p[LAG])
+        for i in range(len(at)):
+            moved = (on[i] - off[i]) * area[k] / (end[k] - first[k])
+            for j in range(len(inverse)):
+                out[j, k] += inverse[j, i] * moved
+    return out

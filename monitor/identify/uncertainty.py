@@ -1,0 +1,164 @@
+"""How far other models reach that explain a window as well."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .fit import DIRECT, Z95, Array, Fit
+from .projection import DEAD, LAG, SHARE, evaluate, of_pulses, slopes
+from .window import SearchWindow
+
+FLOOR_LN_GAIN = 0.01
+"""One sigma of model mismatch in ln gain: a half-rule model of a fourth-order plant is 1 % off without noise."""
+FLOOR_INDIRECT = 0.02
+"""The same for the indirect fit: a wrong order goes round the simulated loop too."""
+FLOOR_TIME = 0.04
+"""One sigma of model mismatch in lag and in dead time, as a share of the dead time (or of T0, if larger share)."""
+STAMP = 0.1
+"""One sigma of dead time and lag in sample periods, where the dead time is resolved."""
+UNRESOLVED = 1.0
+"""The same for a dead time of nothing: which of two scans a historian's stamp belongs to is not in the data."""
+RESOLVED = 3.0
+"""Sample periods from which a dead time counts as resolved; in between, the floor falls linearly."""
+SECOND_LAG = 0.3
+"""One sigma of a second lag as a share of the first: a process whose lags are alike is rare."""
+LOST = 0.3
+"""Sample periods by which a step of time is longer than usual where a sample is missing."""
+
+
+def with_uncertainty(
+    process: str, model: tuple[float, float, float, float], t: Array, y: Array, residual: Array, scatter: Array,
+    period: float | None = None, method: str = DIRECT,
+) -> Fit:  # fmt: skip
+    """Make a Fit of an optimum: its quality, and the floors of its covariance.
+
+    Parameters
+    ----------
+    model
+        gain, lag [s], dead time [s], second lag [s].
+    t, y, residual
+        (n,) times [s], PV and PV less the model's [PV].
+    scatter
+        (3, 3) covariance of (ln |gain|, lag, dead time) by the residuals.
+    """
+    gain, lag, dead_time, lag2 = model
+    rss = float(residual @ residual)
+    spread = float(np.sum((y - y.mean()) ** 2))
+    n_eff = len(t) / correlation_time(residual)
+    variance = max(rss / max(len(t) - 6, 1), 1e-24 * spread)
+    t0 = lag + lag2 + dead_time
+    step = float(np.median(np.diff(t))) if period is None else period
+    stamp = STAMP + (UNRESOLVED - STAMP) * max(1.0 - dead_time / (RESOLVED * step), 0.0)
+    time_floor = (FLOOR_TIME * max(dead_time, 0.1 * t0)) ** 2 + (stamp * step) ** 2
+    return Fit(
+        process=process,
+        gain=gain,
+        lag=lag,
+        dead_time=dead_time,
+        lag2=lag2,
+        scatter=scatter,
+        floor=np.array(
+            [(FLOOR_LN_GAIN if method == DIRECT else FLOOR_INDIRECT) ** 2, time_floor, time_floor]
+        ),
+        quality=1.0 - rss / spread,
+        log_likelihood=-0.5 * n_eff * math.log(max(rss / len(t), 1e-24 * spread)),
+        sigma=math.sqrt(variance),
+        n_eff=n_eff,
+        method=method,
+    )
+
+
+def covariance_of_lost_samples(w: SearchWindow, p: Array, gain: float, load: float) -> Array:
+    """Covariance (3, 3) of (ln |gain|, lag, dead time) because OP is not known where samples are missing (derived).
+
+    A lost sample's OP is taken for that of the one before. It may have been the next one's as well, or, under
+    noise, have differed by as much as OP does from sample to sample.
+    """
+    step = np.diff(w.t)
+    usual = float(np.median(step))
+    # what is longer yet is the coarse past of a load step, in points of mean values
+    gaps = np.flatnonzero(
+        (step > usual + LOST * (usual if w.period is None else w.period)) & (step < 3.6 * usual)
+    )
+    if len(gaps) == 0:
+        return np.zeros((3, 3))
+    moves = np.abs(np.diff(w.u))
+    unknown = np.hypot(moves[gaps] / 2, float(np.median(moves))) * (step[gaps] - usual)  # [OP s]
+    columns = [0, 1, 3, 4, 5] if w.kind >= 2 else [0, 1, 3]
+    tangents = slopes(w.at, w.since, w.held, w.kind, p, gain, load)[:, columns]
+    inverse = np.ascontiguousarray(np.linalg.pinv(tangents, rcond=1e-6)[:3])
+    moved = of_pulses(w.at, w.kind, gain, p, w.t[gaps] + usual, w.t[gaps + 1], unknown, inverse)
+    return np.asarray(moved @ moved.T)
+
+
+def covariance_by_tangents(w: SearchWindow, p: Array, noise: float) -> Array:
+    """Covariance (4, 4) or (6, 6) of ln gain, lag, second lag, dead time [s], onset [s], ln size, by tangents."""
+    gain, load, _ = evaluate(w.at, w.since, w.held, w.mean, w.kind, p, np.empty(len(w.at)))
+    tangents = slopes(w.at, w.since, w.held, w.kind, p, gain, load)
+    # parts of T0: where the data cannot tell them apart, none exceeds it by much
+    t0 = float(p[DEAD] + p[LAG] * (1.0 + p[SHARE])) + float(w.t[-1] - w.t[0]) / len(w.t)
+    usual = np.array([10.0, t0, SECOND_LAG * t0, t0, 3.0 * t0, 3.0])[: tangents.shape[1]]
+    scaled = tangents * usual
+    inverse = np.linalg.inv(scaled.T @ scaled / noise + np.eye(len(usual)))
+    return np.asarray(inverse * np.outer(usual, usual))
+
+
+def node_weights(at: Array, likelihood: Array) -> Array:
+    """Share of each node in the whole, by likelihood and by the stretch that it stands for; (n,)."""
+    weight = np.exp(likelihood - likelihood.max())
+    if len(at) > 1:
+        weight = weight * np.diff(np.concatenate([at[:1], (at[1:] + at[:-1]) / 2, at[-1:]]))
+    return np.asarray(weight / weight.sum()) if weight.sum() > 0 else np.full(len(at), 1.0 / len(at))
+
+
+def shrunk_variance(at: Array, middle: float, weight: Array) -> float:
+    """Factor on the variance where the valley ends before 1.96 sigma: at no dead time, or at no second lag."""
+    spread = math.sqrt(float(weight @ (at - middle) ** 2))
+    inside = at[(np.cumsum(weight) > 0.025) & (np.cumsum(weight[::-1])[::-1] > 0.025)]
+    reach = float(np.max(np.abs(inside - middle), initial=0.0))
+    return min(1.0, reach / (Z95 * spread)) ** 2 if spread > 0 else 1.0
+
+
+def half_rule(p: Array, gain: Array) -> Array:
+    """(n, 3) of ln |gain|, lag, dead time [s], half the second lag in each (half rule, Skogestad 2003)."""
+    half = p[:, LAG] * p[:, SHARE] / 2
+    return np.column_stack([np.log(np.abs(gain)), p[:, LAG] + half, p[:, DEAD] + half])
+
+
+def tangent_scatter(residual: Array, jacobian: Array, t0: float, step: float) -> Array:
+    """Return the (3, 3) covariance of (ln |gain|, lag, dead time) by tangents, the residuals' correlation considered.
+
+    Parameters
+    ----------
+    jacobian
+        (n, k): PV's change per unit of ln |gain|, of lag, of dead time [s], and of whatever else was fitted.
+    t0, step
+        Lags and dead time together, and the sample period [s].
+    """
+    n = len(residual)
+    power = float(residual @ residual) / max(n - 6, 1)
+    # lag and dead time are parts of T0: where the data cannot tell them apart, neither exceeds it by much
+    prior = np.zeros(jacobian.shape[1])
+    prior[:3] = 1e-2, 1.0 / (t0 + step) ** 2, 1.0 / (t0 + step) ** 2
+    information = jacobian.T @ jacobian / max(power * correlation_time(residual), 1e-300) + np.diag(prior)
+    return np.asarray(np.linalg.pinv(information)[:3, :3], dtype=np.float64)
+
+
+def correlation_time(residual: Array) -> float:
+    """How many residuals carry the information of one (1 for white noise): 1 + 2 sum of autocorrelations.
+
+    Summed until they first fall below 0.05 (initial positive sequence, after Geyer 1992).
+    """
+    n = len(residual)
+    power = float(residual @ residual)
+    if power == 0.0:
+        return 1.0
+    total = 1.0
+    for lag in range(1, n // 3):
+        r = float(residual[lag:] @ residual[:-lag]) / power
+        if r < 0.05:
+            break
+        total += 2.0 * r
+    return min(total, n / 8)

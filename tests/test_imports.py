@@ -1,0 +1,220 @@
+"""The directions of the house, read from the source, imports inside functions too: what may import what."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+OURS = ("tuners", "monitor", "sim_plants")
+MOST_LINES = 400
+
+CORE = ("contract", "health", "detect", "identify", "assess", "advise", "verdict", "engine")
+STATIONS: dict[str, tuple[str, ...]] = {
+    "compiled": (),
+    "contract": ("tuners",),
+    "health": ("compiled",),
+    "detect": ("compiled", "contract", "health"),
+    "identify": ("compiled", "contract", "detect.event", "tuners"),
+    "assess": ("contract", "detect.event", "identify", "tuners"),
+    "advise": ("compiled", "contract", "identify", "assess", "tuners"),
+    "verdict": ("contract", "health", "identify", "assess", "advise", "tuners"),
+    "engine": (*(s for s in CORE if s != "engine"), "compiled", "tuners"),
+    "wire": ("contract",),
+    "adapters": ("contract", "wire", "compiled"),
+    "view": ("contract", "wire", "adapters"),
+    "service": (
+        *("compiled", "contract", "engine", "verdict.stale", "verdict.row", "wire", "adapters"),
+        "view.process",
+    ),
+    "audit": ("contract", "engine", "verdict", "adapters"),
+    "check": ("contract", "advise", "adapters", "service.config"),
+    "cli": ("tuners", *CORE, "wire", "adapters", "service", "audit", "view", "check"),
+    "__main__": ("cli",),
+    "__init__": CORE,
+}
+"""Package or module of `monitor`, and what of ours it may import beside itself."""
+PLANTS_AT = {"monitor/cli/demo.py", "monitor/cli/simulate.py"}
+"""What judges must not know the truth: only these start or make simulated plants."""
+
+PURE = ("compiled", *CORE)
+OUTSIDE = {
+    *("time", "datetime", "os", "pathlib", "io", "logging", "threading", "subprocess", "socket", "random"),
+    *("multiprocessing", "asyncio", "sqlite3", "click", "rich", "pyarrow", "pandas", "zenoh", "rerun"),
+}
+"""A station knows no clock, file, socket, thread and log."""
+CALENDAR = {"monitor/contract/times.py"}
+"""Reads and writes times, by ``datetime``; looks at no clock."""
+
+HOMES: dict[str, set[str]] = {
+    "numba": {"monitor/compiled.py", "sim_plants/kernel.py", "tuners/robustness.py"},
+    "zenoh": {"monitor/adapters/zenoh_bus.py"},
+    "sqlite3": {"monitor/adapters/store.py"},
+    "rerun": {f"monitor/adapters/rerun_view/{n}.py" for n in ("picture", "process", "layout")},
+    "socket": {"monitor/adapters/rerun_view/process.py"},
+    "pyarrow": {
+        *(f"monitor/wire/{n}.py" for n in ("arrow", "decode")),
+        *(f"monitor/adapters/historian/{n}.py" for n in ("cells", "columns", "csv_files", "parquet")),
+        *(f"monitor/adapters/historian/{n}.py" for n in ("reader", "source")),
+        "monitor/adapters/tables.py",
+        "sim_plants/export.py",
+        "sim_plants/payloads.py",
+    },
+    "pandas": {"monitor/adapters/loop_table.py"},
+    "click": {f"monitor/cli/{n}.py" for n in ("audit", "check", "common", "demo", "main", "monitor")}
+    | {f"monitor/cli/{n}.py" for n in ("simulate", "status", "tune", "view")},
+    "rich": {f"monitor/cli/{n}.py" for n in ("audit_show", "demo_show", "tune")},
+    "dask": {"monitor/audit/tasks.py"},
+    "distributed": {"monitor/audit/tasks.py"},
+    "matplotlib": {"monitor/cli/tune.py"},
+}
+"""Where a library is at home: exactly there."""
+
+
+def files(package: str) -> list[Path]:
+    return sorted((ROOT / package).rglob("*.py"))
+
+
+def named(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def module(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module(p): p for package in OURS for p in files(package)}
+
+
+def station(name: str) -> str:
+    """The package or single module of `monitor` to which a module belongs."""
+    parts = name.split(".")
+    return parts[1] if len(parts) > 1 else "__init__"
+
+
+def names_of(path: Path) -> Iterator[str]:
+    """Full names of all that a file imports, at any depth of nesting, relative imports resolved."""
+    package = path.relative_to(ROOT).with_suffix("").parts[:-1]
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join(package[: len(package) - node.level + 1]) if node.level else ""
+            start = ".".join(filter(None, (base, node.module)))
+            yield from (f"{start}.{alias.name}" for alias in node.names)
+
+
+@cache
+def imported(path: Path) -> frozenset[str]:
+    """Modules of ours that a file imports, and the top names of all others."""
+    out = set()
+    for name in names_of(path):
+        if name.split(".")[0] in OURS:
+            out.add(name if name in MODULES else name.rpartition(".")[0])
+        else:
+            out.add(name.split(".")[0])
+    return frozenset(out)
+
+
+@pytest.mark.parametrize("path", files("monitor"), ids=named)
+def test_every_import_is_in_the_table(path: Path) -> None:
+    """No file lies outside of the table, and none imports what its station may not."""
+    own = "__init__" if path == ROOT / "monitor" / "__init__.py" else station(module(path))
+    assert own in STATIONS, f"{named(path)}: add its package to the table, on purpose"
+    for name in sorted(n for n in imported(path) if n.split(".")[0] in OURS):
+        if name.startswith("sim_plants"):
+            assert named(path) in PLANTS_AT, f"{named(path)} imports {name}"
+            continue
+        what = name.removeprefix("monitor.")
+        allowed = what.split(".")[0] == own or any(
+            what == may or what.startswith(f"{may}.") for may in STATIONS[own]
+        )
+        assert allowed, (
+            f"{named(path)} imports {name}: {own} may import {', '.join(STATIONS[own]) or 'nothing'}"
+        )
+
+
+def test_the_table_has_no_other_rows() -> None:
+    """Nothing is left in the table of what is gone."""
+    assert {station(m) for m in MODULES if m.startswith("monitor.")} | {"__init__"} == set(STATIONS)
+
+
+def test_no_circles() -> None:
+    """No file imports itself by way of others, imports inside functions counted."""
+    done: set[str] = set()
+
+    def visit(name: str, way: tuple[str, ...]) -> None:
+        assert name not in way, " -> ".join((*way[way.index(name) :], name))
+        if name in done:
+            return
+        for other in sorted(n for n in imported(MODULES[name]) if n in MODULES and n != name):
+            visit(other, (*way, name))
+        done.add(name)
+
+    for name in MODULES:
+        visit(name, ())
+
+
+@pytest.mark.parametrize("path", [p for p in files("monitor") if station(module(p)) in PURE], ids=named)
+def test_a_station_is_pure(path: Path) -> None:
+    outside = OUTSIDE - ({"datetime"} if named(path) in CALENDAR else set())
+    assert not imported(path) & outside
+
+
+@pytest.mark.parametrize("library", HOMES)
+def test_a_library_is_exactly_at_home(library: str) -> None:
+    found = {named(p) for package in OURS for p in files(package) if library in imported(p)}
+    assert found == HOMES[library]
+
+
+def test_tuners_need_numpy_and_scipy_only() -> None:
+    tops = {name.split(".")[0] for path in files("tuners") for name in imported(path)}
+    assert tops - set(sys.stdlib_module_names) <= {"tuners", "numpy", "scipy", "numba", "__future__"}
+
+
+def test_simulated_plants_take_names_only() -> None:
+    """They publish through wire and adapters, and integrate their plants themselves."""
+    for path in files("sim_plants"):
+        ours = {n for n in imported(path) if n.split(".")[0] == "monitor"}
+        assert {station(n) for n in ours} <= {"wire", "adapters", "contract"}, named(path)
+
+
+@pytest.mark.parametrize("path", [p for package in OURS for p in files(package)], ids=named)
+def test_a_file_answers_one_question(path: Path) -> None:
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= MOST_LINES
+
+
+@pytest.mark.parametrize("path", [p for package in OURS for p in files(package)], ids=named)
+def test_a_function_fits_a_screen(path: Path) -> None:
+    """Sixty lines, eight parameters (the compiled ones take as many columns as there are)."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.FunctionDef):
+            continue
+        compiled = any("jit" in ast.unparse(d) for d in node.decorator_list)
+        commands = any("click" in ast.unparse(d) for d in node.decorator_list)
+        start = (
+            node.body[0].lineno
+            if ast.get_docstring(node) is None
+            else node.body[min(1, len(node.body) - 1)].lineno
+        )
+        assert (node.end_lineno or 0) - start + 1 <= 60, f"{node.name}: too long"
+        parameters = len(node.args.args) + len(node.args.kwonlyargs) + len(node.args.posonlyargs)
+        own = parameters - (bool(node.args.args) and node.args.args[0].arg in {"self", "cls"})
+        assert compiled or commands or own <= 8, f"{node.name}: {own} parameters"
+
+
+def test_a_wrong_import_would_be_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The test itself: relative, nested and plain imports are found."""
+    monkeypatch.setattr(
+        "tests.test_imports.ROOT" if __name__.startswith("tests.") else f"{__name__}.ROOT", tmp_path
+    )
+    path = tmp_path / "monitor" / "adapters" / "a.py"
+    path.parent.mkdir(parents=True)
+    path.write_text("from . import kernel\nimport time\ndef f():\n    import zenoh\n    from ..x import y\n")
+    assert {"monitor.adapters.kernel", "time", "zenoh", "monitor.x.y"} <= set(names_of(path))

@@ -147,6 +147,11 @@ def find_block(name: str) -> Block:
     ------
     ValueError
         For an unknown id, naming those that exist.
+
+    Examples
+    --------
+    >>> find_block("deltav-pid").name
+    'Emerson DeltaV PID'
     """
     if name not in BLOCKS:
         raise ValueError(f"block = {name!r}: must be one of {', '.join(BLOCKS)}")
@@ -178,6 +183,13 @@ def to_block(
         Where the block's form cannot hold the settings, or how it switches its integral off is not known.
     ValueError
         Where a span is missing, or the gain is 0.
+
+    Examples
+    --------
+    >>> settings = Settings(kp=2.5, ti=32.0, td=3.0, tf=0.3, form="series")
+    >>> plate = to_block(settings, find_block("provox-pid"), pv_span=100.0, op_span=100.0)
+    >>> [f"{name} = {plate.fields[name]:.4g} {plate.units[name]}" for name in ("GAIN", "RESET", "RATE")]
+    ['GAIN = 2.5 %/%', 'RESET = 1.875 repeats/min', 'RATE = 0.05 min']
     """
     if settings.kp == 0 or not math.isfinite(settings.kp):
         raise ValueError(f"kp = {settings.kp}: must be a finite number other than 0 [OP/PV]")
@@ -231,6 +243,13 @@ def from_block(
     ValueError
         Where gain, integral or derivative is missing or not a number, a choice is unknown, a span is
         missing, or the block has its gain or band at 0.
+
+    Examples
+    --------
+    >>> fields = {"GAIN": 2.5, "RESET": 1.875, "RATE": 0.05, "ACTION": "REVERSE"}
+    >>> settings = from_block(fields, find_block("provox-pid"), pv_span=100.0, op_span=100.0)
+    >>> settings.kp, settings.ti, settings.td
+    (2.5, 32.0, 3.0)
     """
     form = _chosen_form(fields, block)
     shown = _number(fields, block.gain) * block.gain_scale

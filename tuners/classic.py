@@ -44,6 +44,13 @@ def ziegler_nichols_step_pi(model: Model) -> Settings:
     References
     ----------
     Ziegler and Nichols 1942, Trans. ASME 64, 759-768.
+
+    Examples
+    --------
+    >>> from tuners.models import SelfRegulatingModel
+    >>> settings = ziegler_nichols_step_pi(SelfRegulatingModel(gain=2.0, dead_time=4.0, lag=20.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s"
+    'kp = 2.25, ti = 13.33 s'
     """
     slope, theta = _reaction_curve(model)
     return Settings(0.9 / (slope * theta), theta / 0.3)
@@ -72,6 +79,13 @@ def ziegler_nichols_step(model: Model) -> Settings:
     References
     ----------
     Ziegler and Nichols 1942, Trans. ASME 64, 759-768.
+
+    Examples
+    --------
+    >>> from tuners.models import SelfRegulatingModel
+    >>> settings = ziegler_nichols_step(SelfRegulatingModel(gain=2.0, dead_time=4.0, lag=20.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = 3, ti = 8 s, td = 2 s'
     """
     slope, theta = _reaction_curve(model)
     return with_filter(Settings(1.2 / (slope * theta), 2 * theta, theta / 2))
@@ -100,6 +114,13 @@ def cohen_coon_pi(model: Model) -> Settings:
     References
     ----------
     Cohen and Coon 1953, Trans. ASME 75, 827-834.
+
+    Examples
+    --------
+    >>> from tuners.models import SelfRegulatingModel
+    >>> settings = cohen_coon_pi(SelfRegulatingModel(gain=2.0, dead_time=4.0, lag=20.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s"
+    'kp = 2.292, ti = 9.415 s'
     """
     process = fopdt(model)
     r = process.dead_time / process.lag
@@ -129,6 +150,13 @@ def cohen_coon(model: Model) -> Settings:
     References
     ----------
     Cohen and Coon 1953, Trans. ASME 75, 827-834.
+
+    Examples
+    --------
+    >>> from tuners.models import SelfRegulatingModel
+    >>> settings = cohen_coon(SelfRegulatingModel(gain=2.0, dead_time=4.0, lag=20.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = 3.458, ti = 9.096 s, td = 1.404 s'
     """
     process = fopdt(model)
     theta, r = process.dead_time, process.dead_time / process.lag
@@ -161,6 +189,13 @@ def amigo_pi(model: Model) -> Settings:
     References
     ----------
     Åström and Hägglund 2006, Advanced PID Control, eq. 7.5 and its limit for integrating processes.
+
+    Examples
+    --------
+    >>> from tuners.models import SelfRegulatingModel
+    >>> settings = amigo_pi(SelfRegulatingModel(gain=2.0, dead_time=4.0, lag=20.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s"
+    'kp = 0.6028, ti = 15.53 s'
     """
     if isinstance(model, IntegratingModel):
         process = ipdt(model)
@@ -196,6 +231,13 @@ def amigo(model: Model) -> Settings:
     References
     ----------
     Åström and Hägglund 2004, J. Process Control 14, 635-650; 2006, Advanced PID Control.
+
+    Examples
+    --------
+    >>> from tuners.models import SelfRegulatingModel
+    >>> settings = amigo(SelfRegulatingModel(gain=2.0, dead_time=4.0, lag=20.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = 1.225, ti = 11.73 s, td = 1.887 s'
     """
     if isinstance(model, IntegratingModel):
         process = ipdt(model)
@@ -229,6 +271,13 @@ def fruehauf(model: Model) -> Settings:
     References
     ----------
     Fruehauf, Chien and Lauritsen 1993, ISA Advances in Instrumentation and Control.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = fruehauf(IntegratingModel(gain=0.05, dead_time=4.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s"
+    'kp = 2.5, ti = 20 s'
     """
     process = ipdt(model)
     return Settings(0.5 / (process.gain * process.dead_time), 5 * process.dead_time)
@@ -255,6 +304,13 @@ def shinskey(model: Model) -> Settings:
     References
     ----------
     Shinskey 1994, Feedback Controllers for the Process Industries.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = shinskey(IntegratingModel(gain=0.05, dead_time=4.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s"
+    'kp = 4.629, ti = 16 s'
     """
     process = ipdt(model)
     return Settings(0.9259 / (process.gain * process.dead_time), 4 * process.dead_time)
@@ -284,6 +340,13 @@ def cluett_wang(model: Model) -> Settings:
     ----------
     Wang and Cluett 1997, IEE Proc. Control Theory Appl. 144, 385-392; agrees with the comparison table of
     Rice and Cooper 2002.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = cluett_wang(IntegratingModel(gain=0.05, dead_time=4.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = 3.116, ti = 21.03 s, td = 1.053 s'
     """
     process = ipdt(model)
     theta = process.dead_time
@@ -318,6 +381,13 @@ def di_ruscio(model: Model, delta: FloatOrArray = 1.6, c: FloatOrArray = 2.38) -
     References
     ----------
     Di Ruscio 2010, Modeling, Identification and Control 31, 145-164.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = di_ruscio(IntegratingModel(gain=0.05, dead_time=4.0), delta=1.6, c=2.38)
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s"
+    'kp = 2.145, ti = 22.19 s'
     """
     for name, value in (("delta", delta), ("c", c)):
         if not np.all((np.asarray(value) > 0) & np.isfinite(value)):

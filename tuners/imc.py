@@ -78,6 +78,13 @@ def imc_pi(model: Model, closed_loop_time: FloatOrArray | None = None) -> Settin
     References
     ----------
     Rice and Cooper 2002, ISA, table of IMC relations, after Chien and Fruehauf 1990.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = imc_pi(IntegratingModel(gain=0.05, dead_time=4.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s"
+    'kp = 2.114, ti = 29.3 s'
     """
     gain, theta, tc = _rice_cooper(model, closed_loop_time)
     return Settings((2 * tc + theta) / (gain * (tc + theta) ** 2), 2 * tc + theta)
@@ -108,6 +115,13 @@ def imc_pid(model: Model, closed_loop_time: FloatOrArray | None = None) -> Setti
     References
     ----------
     Rice and Cooper 2002, ISA, table of IMC relations.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = imc_pid(IntegratingModel(gain=-0.022 / 60, dead_time=66.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = -22.57, ti = 483.4 s, td = 30.75 s'
     """
     gain, theta, tc = _rice_cooper(model, closed_loop_time)
     ti = 2 * tc + theta
@@ -140,6 +154,13 @@ def imc_pid_series(model: Model, closed_loop_time: FloatOrArray | None = None) -
     References
     ----------
     Rice and Cooper 2002, ISA, table of IMC relations.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = imc_pid_series(IntegratingModel(gain=-0.022 / 60, dead_time=66.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = -21.03, ti = 450.4 s, td = 33 s'
     """
     gain, theta, tc = _rice_cooper(model, closed_loop_time)
     ti = 2 * tc + theta / 2
@@ -174,6 +195,15 @@ def imc_pid_filter(model: Model, closed_loop_time: FloatOrArray | None = None) -
     References
     ----------
     Rice and Cooper 2002, ISA, table of IMC relations.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = imc_pid_filter(IntegratingModel(gain=-0.022 / 60, dead_time=66.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = -19.22, ti = 516.4 s, td = 30.89 s'
+    >>> f"tf = {settings.tf:.4g} s"
+    'tf = 19.61 s'
     """
     gain, theta, tc = _rice_cooper(model, closed_loop_time)
     area = tc**2 + 2 * tc * theta + theta**2 / 2
@@ -206,6 +236,15 @@ def imc_pid_series_filter(model: Model, closed_loop_time: FloatOrArray | None = 
     References
     ----------
     Rice and Cooper 2002, ISA, table of IMC relations.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = imc_pid_series_filter(IntegratingModel(gain=-0.022 / 60, dead_time=66.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = -17.99, ti = 483.4 s, td = 33 s'
+    >>> f"tf = {settings.tf:.4g} s"
+    'tf = 19.61 s'
     """
     gain, theta, tc = _rice_cooper(model, closed_loop_time)
     area = tc**2 + 2 * tc * theta + theta**2 / 2
@@ -241,6 +280,13 @@ def lambda_pi(model: Model, closed_loop_time: FloatOrArray | None = None) -> Set
     ----------
     Self-regulating: Dahlin 1968; integrating: Chien and Fruehauf 1990, Chem. Eng. Progress 86, 33-41.
     The default of three lags: Åström and Hägglund 2006, Advanced PID Control.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = lambda_pi(IntegratingModel(gain=0.05, dead_time=4.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s"
+    'kp = 2.188, ti = 28 s'
     """
     if isinstance(model, IntegratingModel):
         process = ipdt(model)
@@ -276,6 +322,13 @@ def imc_pid_first_order(model: Model, closed_loop_time: FloatOrArray | None = No
     References
     ----------
     Rivera, Morari and Skogestad 1986, Ind. Eng. Chem. Process Des. Dev. 25, 252-265.
+
+    Examples
+    --------
+    >>> from tuners.models import SelfRegulatingModel
+    >>> settings = imc_pid_first_order(SelfRegulatingModel(gain=2.0, dead_time=4.0, lag=20.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = 2.115, ti = 22 s, td = 1.818 s'
     """
     process = fopdt(model)
     theta, lag = process.dead_time, process.lag

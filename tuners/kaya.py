@@ -91,6 +91,13 @@ def kaya_iste(model: Model) -> Settings:
     References
     ----------
     Kaya 2018, IFAC PID'18.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = kaya_iste(IntegratingModel(gain=1.0, dead_time=3.0, lag=1.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = 0.4138, ti = 7.571 s, td = 1.821 s'
     """
     return _fitted(model, ISTE)
 
@@ -119,6 +126,13 @@ def kaya_ist2e(model: Model) -> Settings:
     References
     ----------
     Kaya 2018, IFAC PID'18.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = kaya_ist2e(IntegratingModel(gain=1.0, dead_time=3.0, lag=1.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = 0.3759, ti = 8.512 s, td = 1.642 s'
     """
     return _fitted(model, IST2E)
 
@@ -255,6 +269,13 @@ def kaya_iste_exact(model: Model) -> Settings:
     References
     ----------
     Criterion: Kaya 2018, IFAC PID'18; computation derived.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = kaya_iste_exact(IntegratingModel(gain=1.0, dead_time=3.0, lag=1.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = 0.4084, ti = 7.575 s, td = 1.821 s'
     """
     return with_filter(kaya_optimum(model, 1), FILTER)
 
@@ -280,6 +301,13 @@ def kaya_ist2e_exact(model: Model) -> Settings:
     References
     ----------
     Criterion: Kaya 2018, IFAC PID'18; computation derived.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = kaya_ist2e_exact(IntegratingModel(gain=1.0, dead_time=3.0, lag=1.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = 0.3706, ti = 8.519 s, td = 1.642 s'
     """
     return with_filter(kaya_optimum(model, 2), FILTER)
 
@@ -307,6 +335,13 @@ def chakraborty(model: Model) -> Settings:
     References
     ----------
     Chakraborty, Ghosh and Naskar 2017, as compared in Kaya 2018, IFAC PID'18.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = chakraborty(IntegratingModel(gain=0.05, dead_time=4.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = 4.218, ti = 14.22 s, td = 1.932 s'
     """
     process = ipdt(model)
     theta: FloatOrArray = process.dead_time

@@ -40,6 +40,13 @@ def averaging(model: Model, max_load: FloatOrArray, max_deviation: FloatOrArray)
     ----------
     Cheung and Luyben 1979, Ind. Eng. Chem. Fundam. 18, 15-21 (proportional and PI averaging level control);
     the factor 4 is the double pole of ``s^2 + kp K s + kp K/ti`` (derived).
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = averaging(IntegratingModel(gain=0.01, dead_time=2.0), max_load=10.0, max_deviation=20.0)
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s"
+    'kp = 0.5, ti = 800 s'
     """
     if isinstance(model, SelfRegulatingModel):
         raise ValueError("process = self-regulating: averaging level control is for integrating processes")  # noqa: TRY004
@@ -72,6 +79,12 @@ def method_product(model: Model, settings: Settings) -> FloatOrArray:
     References
     ----------
     Di Ruscio 2010, Modeling, Identification and Control 31, 145-164 (method product).
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> method_product(IntegratingModel(gain=0.03, dead_time=4.0), Settings(kp=0.6, ti=44.4)) < 2  # it rolls
+    True
     """
     if isinstance(model, SelfRegulatingModel):
         raise ValueError("process = self-regulating: the method product is for integrating processes")  # noqa: TRY004

@@ -48,6 +48,14 @@ class IntegratingModel:
     ------
     ValueError
         Where the gain is 0 or infinite, or a time negative or infinite. NaN marks a missing model.
+
+    Examples
+    --------
+    >>> level = IntegratingModel(gain=0.05, dead_time=4.0, lag=3.0)
+    >>> level.process, level.t0
+    ('integrating', 7.0)
+    >>> level.without_lag()  # as PI rules see it
+    IntegratingModel(gain=0.05, dead_time=5.5, lag=0.0)
     """
 
     gain: FloatOrArray
@@ -105,6 +113,14 @@ class SelfRegulatingModel:
     ------
     ValueError
         Where the gain is 0 or infinite, or a time negative or infinite. NaN marks a missing model.
+
+    Examples
+    --------
+    >>> flow = SelfRegulatingModel(gain=2.0, dead_time=1.0, lag=5.0)
+    >>> flow.process, flow.t0
+    ('self-regulating', 6.0)
+    >>> float(SelfRegulatingModel(2.0, 1.0, 5.0, 2.0).first_order().lag)  # as PI rules see it
+    6.0
     """
 
     gain: FloatOrArray
@@ -175,6 +191,12 @@ class Plant:
     ------
     ValueError
         As for the models.
+
+    Examples
+    --------
+    >>> tank = Plant(gain=0.2, dead_time=3.0, lags=(4.0, 1.0))
+    >>> tank.process, tank.t0
+    ('integrating', 8.0)
     """
 
     gain: FloatOrArray

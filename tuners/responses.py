@@ -79,6 +79,14 @@ def closed_loop_response(
     ------
     ValueError
         For another kind, array fields, or a duration that is not above 0.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> model, settings = IntegratingModel(gain=1.0, dead_time=1.0), Settings(kp=0.5, ti=8.0)
+    >>> response = closed_loop_response(model, settings, "load")
+    >>> f"IAE = {response.iae:.2f}, settled after {response.settling_time:.0f} s"
+    'IAE = 16.00, settled after 26 s'
     """
     from tuners.robustness import peak_sensitivity  # noqa: PLC0415  (robustness offers this function too)
 
@@ -137,6 +145,13 @@ def step_figures(model: Process, settings: Settings, stable: NDArray[np.bool_] |
         Controllers, fields that broadcast to (T,).
     stable
         Which loops (T,) are stable, where that is known already.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> many = Settings(kp=np.array([0.3, 0.5, 0.7]), ti=8.0)
+    >>> step_figures(IntegratingModel(gain=1.0, dead_time=1.0), many).overshoot.round(2)
+    array([0.27, 0.28, 0.42])
     """
     from tuners.robustness import peak_sensitivity  # noqa: PLC0415  (robustness offers the responses too)
 

@@ -61,6 +61,15 @@ class Rule:
         Those of them that have no default.
     arrays
         Whether the rule takes models with array fields.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> rule = RULES["simc-pi"]
+    >>> rule.structure, rule.form, rule.parameters
+    ('PI', 'standard', ('closed_loop_time',))
+    >>> rule.function(IntegratingModel(gain=0.05, dead_time=4.0), closed_loop_time=6.0).kp
+    2.0
     """
 
     function: Callable[..., Settings]

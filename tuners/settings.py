@@ -53,6 +53,14 @@ class Settings:
     ------
     ValueError
         For an unknown form, ti = 0 or a negative time, naming the field. NaN marks a missing value.
+
+    Examples
+    --------
+    >>> settings = Settings(kp=2.0, ti=20.0, td=5.0, form="series")
+    >>> settings.to("standard")
+    Settings(kp=2.5, ti=25.0, td=4.0, tf=0.0, form='standard', b=1.0, c=1.0)
+    >>> settings.to("parallel").ki
+    0.1
     """
 
     kp: FloatOrArray
@@ -137,7 +145,13 @@ class Settings:
 
 
 def with_filter(settings: Settings, ratio: float = FILTER_RATIO) -> Settings:
-    """Return the settings with the derivative filter tf = td/ratio [s]."""
+    """Return the settings with the derivative filter tf = td/ratio [s].
+
+    Examples
+    --------
+    >>> with_filter(Settings(kp=2.0, ti=20.0, td=5.0)).tf
+    0.5
+    """
     return replace(settings, tf=settings.td / ratio)
 
 

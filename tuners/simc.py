@@ -59,6 +59,13 @@ def simc_pi(model: Model, closed_loop_time: FloatOrArray | None = None) -> Setti
     References
     ----------
     Skogestad 2003, J. Process Control 13, 291-309, table 1.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = simc_pi(IntegratingModel(gain=1.0, dead_time=1.5))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s"
+    'kp = 0.3333, ti = 12 s'
     """
     if isinstance(model, IntegratingModel):
         ipdt = model.without_lag()
@@ -103,6 +110,13 @@ def simc_pid(model: Model, closed_loop_time: FloatOrArray | None = None) -> Sett
     ----------
     Skogestad 2003, table 1; as reference for load and set point: Veronesi and Visioli 2010, J. Process
     Control 20, 261-269.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = simc_pid(IntegratingModel(gain=0.05, dead_time=4.0, lag=3.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = 2.5, ti = 32 s, td = 3 s'
     """
     tc = loop_time(closed_loop_time, model.dead_time)
     if isinstance(model, SelfRegulatingModel):
@@ -138,6 +152,13 @@ def simc_pd(model: Model, closed_loop_time: FloatOrArray | None = None) -> Setti
     References
     ----------
     Veronesi and Visioli 2010, J. Process Control 20, 261-269 (set-point reference).
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = simc_pd(IntegratingModel(gain=0.05, dead_time=4.0, lag=3.0))
+    >>> f"kp = {settings.kp:.4g}, td = {settings.td:.4g} s"
+    'kp = 2.5, td = 3 s'
     """
     tc = loop_time(closed_loop_time, model.dead_time)
     if isinstance(model, SelfRegulatingModel):
@@ -172,6 +193,13 @@ def simc_pi_improved(model: Model, closed_loop_time: FloatOrArray | None = None)
     References
     ----------
     Grimholt and Skogestad 2012, IFAC PID'12, 11-22.
+
+    Examples
+    --------
+    >>> from tuners.models import SelfRegulatingModel
+    >>> settings = simc_pi_improved(SelfRegulatingModel(gain=2.0, dead_time=4.0, lag=20.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s"
+    'kp = 1.333, ti = 21.33 s'
     """
     if isinstance(model, IntegratingModel):
         raise ValueError("process = integrating: the improved SIMC rule is for self-regulating processes")  # noqa: TRY004

@@ -33,6 +33,13 @@ def ultimate(model: Model) -> tuple[FloatOrArray, FloatOrArray]:
     ------
     ValueError
         For a model without dead time, which P control cannot bring to oscillate.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> ku, pu = ultimate(IntegratingModel(gain=0.05, dead_time=4.0))
+    >>> f"Ku = {ku:.3f} OP/PV, Pu = {pu:.1f} s"
+    'Ku = 7.854 OP/PV, Pu = 16.0 s'
     """
     theta = np.asarray(model.dead_time, dtype=float)
     if np.any(theta <= 0):
@@ -70,6 +77,13 @@ def ziegler_nichols(model: Model) -> Settings:
     References
     ----------
     Ziegler and Nichols 1942, Trans. ASME 64, 759-768.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = ziegler_nichols(IntegratingModel(gain=0.05, dead_time=4.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = 4.712, ti = 8 s, td = 2 s'
     """
     ku, pu = ultimate(model)
     return with_filter(Settings(0.6 * ku, pu / 2, pu / 8))
@@ -96,6 +110,13 @@ def ziegler_nichols_pi(model: Model) -> Settings:
     References
     ----------
     Ziegler and Nichols 1942, Trans. ASME 64, 759-768.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = ziegler_nichols_pi(IntegratingModel(gain=0.05, dead_time=4.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s"
+    'kp = 3.534, ti = 13.33 s'
     """
     ku, pu = ultimate(model)
     return Settings(0.45 * ku, pu / 1.2)
@@ -122,6 +143,13 @@ def tyreus_luyben(model: Model) -> Settings:
     References
     ----------
     Tyreus and Luyben 1992, Ind. Eng. Chem. Res. 31, 2625-2628.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = tyreus_luyben(IntegratingModel(gain=0.05, dead_time=4.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s"
+    'kp = 2.439, ti = 35.2 s'
     """
     ku, pu = ultimate(model)
     return Settings(ku / 3.22, 2.2 * pu)
@@ -148,6 +176,13 @@ def luyben_pid(model: Model) -> Settings:
     References
     ----------
     Luyben 1996, Ind. Eng. Chem. Res. 35, 3480-3483; filter after Rice and Cooper 2002, comparison table.
+
+    Examples
+    --------
+    >>> from tuners.models import IntegratingModel
+    >>> settings = luyben_pid(IntegratingModel(gain=0.05, dead_time=4.0))
+    >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
+    'kp = 3.57, ti = 35.2 s, td = 2.54 s'
     """
     ku, pu = ultimate(model)
     return with_filter(Settings(ku / 2.2, 2.2 * pu, pu / 6.3))

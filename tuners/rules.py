@@ -5,18 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from tuners.classic import (
-    amigo,
-    amigo_pi,
-    cluett_wang,
-    cohen_coon,
-    cohen_coon_pi,
-    di_ruscio,
-    fruehauf,
-    shinskey,
-    ziegler_nichols_step,
-    ziegler_nichols_step_pi,
-)
+from tuners.classic import cluett_wang, di_ruscio, fruehauf, shinskey
 from tuners.imc import (
     imc_pi,
     imc_pid,
@@ -28,6 +17,14 @@ from tuners.imc import (
 )
 from tuners.kaya import chakraborty, kaya_ist2e, kaya_ist2e_exact, kaya_iste, kaya_iste_exact
 from tuners.levels import averaging
+from tuners.reaction_curve import (
+    amigo,
+    amigo_pi,
+    cohen_coon,
+    cohen_coon_pi,
+    ziegler_nichols_step,
+    ziegler_nichols_step_pi,
+)
 from tuners.settings import Settings
 from tuners.simc import simc_pd, simc_pi, simc_pi_improved, simc_pid
 from tuners.ultimate import luyben_pid, tyreus_luyben, ziegler_nichols, ziegler_nichols_pi

@@ -20,7 +20,7 @@ _WINDUP = dict(
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Arrays:
     """What the compiled step works on and changes."""
 

@@ -16,7 +16,7 @@ DEFAULT_START = 1_767_225_600.0
 """2026-01-01 00:00 UTC [s since 1970]: a fixed start, so that the same seed gives the same file."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Block:
     """Samples of N rows, sorted by time, then loop."""
 

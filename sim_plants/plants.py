@@ -105,7 +105,7 @@ class Plant:
         return np.asarray(result / s if self.integrating else result, dtype=np.complex128)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Discrete:
     """Exact step of a plant over one sample period: `x' = phi x + older w[k-delay-1] + newer w[k-delay]`.
 

@@ -24,7 +24,7 @@ LOG_POINTS = 128  # 4 to 5 decades at 8-10 % a step: neighbouring peaks stay apa
 BEND = 4.0  # angle of the dead time from which the grid goes on in even steps [rad]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Loops:
     """Coefficients of L(s), arrays (L,); `lags` is (number, L), slowest first, the filter among them."""
 

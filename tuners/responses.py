@@ -25,7 +25,7 @@ FIGURE_POINTS = 512, 1 << 14  # least and most samples for figures without curve
 BAND = 0.02  # the usual 2 % band of the settling time
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Response:
     """Response to a unit step at time 0.
 
@@ -117,7 +117,7 @@ def closed_loop_response(
     return _figures(time, pv, op, kind, final, keep)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Figures:
     """Figures of unit steps of many controllers on one process; arrays (T,), inf and NaN as in `Response`.
 

@@ -67,7 +67,7 @@ class Margins:
     stable: bool | np.ndarray
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class _Curve:
     """L on its grid: frequencies (points, L), real and imaginary part."""
 
@@ -174,7 +174,7 @@ def _final_gain(loops: Loops) -> Array:
     return np.where(power > 0, np.inf, np.where(power == 0, flat, 0.0))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class _Found:
     """Figures of one group of loops; each (L,)."""
 

@@ -69,7 +69,7 @@ class Limits:
         return float(peaks[0]), float(np.max(peaks))
 
 
-@dataclass(slots=True)
+@dataclass(eq=False, slots=True)
 class Search:
     """Candidates of a rule, (R, T) from fast to slow along T, and how far along each row the search has come."""
 

@@ -14,7 +14,7 @@ UNCERTAIN = 64
 """OPC quality from which a sample is used, but counted as uncertain; below it is bad."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Samples:
     """N samples of any number of loops; each loop's own times increase strictly.
 

@@ -110,7 +110,7 @@ def model_response(window: Array, before: int, fit: Fit) -> Array:
     return np.asarray(x + np.polynomial.polynomial.polyval(t, rest), dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class _Found:
     """A model in the parameters of `fitting`, and how far others reach that explain the window as well."""
 

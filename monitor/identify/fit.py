@@ -23,7 +23,7 @@ ALIKE = 8.0
 Z95 = 1.96
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Valley:
     """Models of one window along which the likelihood falls off slowly, on a way that is not straight."""
 
@@ -35,7 +35,7 @@ class Valley:
     """(3, 3) covariance of (ln |gain|, lag, dead time) by the residuals, at each of them."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Fit:
     """A half-rule model with its uncertainty."""
 

@@ -29,7 +29,7 @@ ITERATIONS = 25
 """Levenberg-Marquardt steps; five to ten do."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class _Case:
     """A window laid on the controller's grid."""
 

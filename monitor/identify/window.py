@@ -24,7 +24,7 @@ def window_columns(window: Array, before: int, load: bool) -> tuple[Array, Array
 # -- all models that explain a window ---------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class SearchWindow:
     """A window's columns, and what the searches of it need."""
 

@@ -100,7 +100,7 @@ class OpenEvents:
         return going_on
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Snapshot:
     """State of loops with an open event; every array has a row for each."""
 

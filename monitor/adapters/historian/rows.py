@@ -36,7 +36,7 @@ class UnusableError(ValueError):
         return UnusableError, (self.name, self.reason, self.line)
 
 
-@dataclass(slots=True)
+@dataclass(eq=False, slots=True)
 class Rows:
     """N rows of a file, in the file's order; times may repeat and go back."""
 

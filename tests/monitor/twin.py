@@ -32,32 +32,35 @@ SECOND = 1_000_000_000
 # twins
 
 
-def response(
-    t: Array, u: Array, kind: int, dead_time: float, lag: float, lag2: float, step: float = 1e-3
-) -> Array:
-    """Unit-gain model's response to held input, by Euler's method with tiny steps from rest."""
-    n = max(math.ceil((t[-1] - t[0]) / step), 1)
-    h = (t[-1] - t[0]) / n
-    x1 = x2 = y = 0.0
-    out = [0.0] * (n + 1)
-    j = 0
-    for k in range(n):
-        at = t[0] + (k + 0.5) * h - dead_time
-        while j + 1 < len(t) and t[j + 1] <= at:
-            j += 1
-        w = 0.0 if at < t[0] else float(u[j])
-        for tau, first in ((lag, True), (lag2, False)):
-            if tau == 0:
-                continue
-            if first:
-                x1 += h / tau * (w - x1)
-                w = x1
-            else:
-                x2 += h / tau * (w - x2)
-                w = x2
-        y = y + h * w if kind == 0 else w
-        out[k + 1] = y
-    return np.interp(t, t[0] + h * np.arange(n + 1), out)
+def step_response(h: float, kind: int, lag: float, lag2: float) -> float:
+    """Unit-gain model without dead time, a time ``h`` after a unit step of its input: the textbook's formulas.
+
+    0 at the instant of the step itself: PV is measured before OP moves.
+    """
+    if h <= 0:
+        return 0.0
+    e1 = math.exp(-h / lag) if lag else 0.0
+    e2 = math.exp(-h / lag2) if lag2 else 0.0
+    if lag == lag2:  # the limit of the formulas below
+        rise = 1.0 - e1 * (1.0 + h / lag) if lag else 1.0
+        return h - 2.0 * lag + e1 * (h + 2.0 * lag) if kind == 0 else rise
+    if kind == 0:
+        return h - lag - lag2 + (lag**2 * e1 - lag2**2 * e2) / (lag - lag2)
+    return 1.0 - (lag * e1 - lag2 * e2) / (lag - lag2)
+
+
+def response(t: Array, u: Array, kind: int, dead_time: float, lag: float, lag2: float) -> Array:
+    """Unit-gain model's response to held input, from rest: the sum of what each move of the input does."""
+    moves = np.diff(u, prepend=0.0)
+    return np.array(
+        [
+            sum(
+                move * step_response(now - dead_time - at, kind, lag, lag2)
+                for at, move in zip(t, moves, strict=True)
+            )
+            for now in t
+        ]
+    )
 
 
 def integrals(window: Array, pv0: float, op0: float) -> dict[str, float]:

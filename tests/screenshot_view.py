@@ -1,6 +1,6 @@
 """Make a screenshot of what ``loopsight view`` shows: the picture in the README.
 
-Run: ``python tests/screenshot_view.py docs/view.png [--connect ENDPOINT | --url URL] [--wait 8]``.
+Run: ``python -m tests.screenshot_view docs/view.png [--connect ENDPOINT | --url URL] [--wait 8]``.
 Without ``--connect`` and ``--url`` a fake monitor is shown. It draws with Rerun's native viewer, without a
 window; where there is no graphics card that needs a software Vulkan driver (Debian: ``mesa-vulkan-drivers``
 and ``libvulkan1``).
@@ -19,12 +19,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
-sys.path[:0] = [str(Path(__file__).parent / "monitor"), str(Path(__file__).parent.parent)]
-
-from fake_monitor import FakeMonitor, demo_loops  # noqa: E402
-
-from monitor.adapters.rerun_view import process  # noqa: E402
-from monitor.view.process import start_view  # noqa: E402
+from monitor.adapters.rerun_view import process
+from monitor.view.process import start_view
+from tests.support.fake_monitor import FakeMonitor, demo_loops
 
 BAR = 36
 """Height of the viewer's own bar at the top."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import tomllib
-from pathlib import Path
 
 import click
 import msgspec
@@ -15,8 +14,8 @@ from monitor.adapters.loop_table import read_loop_table
 from monitor.cli.main import COMMANDS, loopsight
 from monitor.contract.figures import MEANINGS
 from monitor.service.config import Config, load, problems
+from tests.support.places import ROOT
 
-ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from harness import Outcome, both, good
 
 from monitor.contract.records import GOOD
 from monitor.service.service import warm_up
+from tests.bad_data.harness import Outcome, both, good
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,7 @@
 """One data set, two ways in: as a historian's file through the audit, as messages through the live path.
 
 The live path is the service itself, its decoder, its ordering and its store, with a bus of plain lists and a clock
-that is told; `tests/test_live.py` shows the same over sockets. What both found must be equal.
+that is told; `tests/monitor/service/test_run.py` shows the same over sockets. What both found must be equal.
 """
 
 from __future__ import annotations

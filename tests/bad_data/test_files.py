@@ -16,11 +16,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from harness import NAME, SECOND, SETTINGS, Outcome, audit, both, good, same, write
 
 from monitor.audit.run import run_audit
 from monitor.audit.tasks import plan
 from monitor.contract.records import GOOD
+from tests.bad_data.harness import NAME, SECOND, SETTINGS, Outcome, audit, both, good, same, write
 
 N = 700
 

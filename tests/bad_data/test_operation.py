@@ -14,7 +14,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from harness import (
+
+from monitor.adapters.store import StoreError
+from monitor.adapters.zenoh_bus import Ring
+from monitor.contract.records import GOOD
+from tests.bad_data.harness import (
     LOST,
     NAME,
     SECOND,
@@ -30,10 +34,6 @@ from harness import (
     messages,
     same,
 )
-
-from monitor.adapters.store import StoreError
-from monitor.adapters.zenoh_bus import Ring
-from monitor.contract.records import GOOD
 
 N = 700
 

@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from harness import (
+
+from monitor.contract.records import GOOD, INCONCLUSIVE, NOT_ASSESSED
+from sim_plants.loops import Simulation
+from sim_plants.troubles import troubles
+from sim_plants.truth import loop_table
+from tests.bad_data.harness import (
     NAME,
     SECOND,
     SETTINGS,
@@ -25,11 +30,6 @@ from harness import (
     simulated,
     steps,
 )
-
-from monitor.contract.records import GOOD, INCONCLUSIVE, NOT_ASSESSED
-from sim_plants.loops import Simulation
-from sim_plants.troubles import troubles
-from sim_plants.truth import loop_table
 
 N = 700
 

@@ -8,7 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from harness import (
+
+from monitor.audit.run import run_audit
+from monitor.contract.records import GOOD
+from tests.bad_data.harness import (
     NAME,
     SECOND,
     SETTINGS,
@@ -25,9 +28,6 @@ from harness import (
     steps,
     write,
 )
-
-from monitor.audit.run import run_audit
-from monitor.contract.records import GOOD
 
 N = 700
 

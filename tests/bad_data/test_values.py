@@ -9,10 +9,24 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from harness import LOST, NAME, SECOND, SETTINGS, START, Live, audit, both, good, live, messages, same, text
 
 from monitor.audit.run import run_audit
 from monitor.contract.records import GOOD, NOT_ASSESSED
+from tests.bad_data.harness import (
+    LOST,
+    NAME,
+    SECOND,
+    SETTINGS,
+    START,
+    Live,
+    audit,
+    both,
+    good,
+    live,
+    messages,
+    same,
+    text,
+)
 
 N = 700
 TOLD = ["Bad Input", "I/O Timeout", "No Data", "#N/A", "Pt Created", "Shutdown", ""]

@@ -1,4 +1,4 @@
-"""Audit of quiet long Parquet, beside merely reading the same columns into NumPy: `python tests/bench/bench_audit.py`.
+"""Audit of quiet long Parquet, beside merely reading the same columns into NumPy: `python -m tests.bench.bench_audit`.
 
 Prints rows/s of both and their ratio (goal: at most 3), for files sorted by loop and by time. Start-up
 (imports, compiling, processes) is measured by a tiny audit and subtracted.
@@ -7,7 +7,6 @@ Prints rows/s of both and their ratio (goal: at most 3), for files sorted by loo
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -16,8 +15,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from monitor.adapters.historian.merge import Span, in_order
 from monitor.adapters.historian.reader import inspect

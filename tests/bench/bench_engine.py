@@ -1,20 +1,15 @@
 """Samples a second of the kernel beside a floor, and milliseconds for each assessed event.
 
-``python tests/bench/bench_engine.py``. The floor is a bare compiled loop that reads the same columns.
+``python -m tests.bench.bench_engine``. The floor is a bare compiled loop that reads the same columns.
 """
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "monitor"))
 
 import numba
 import numpy as np
-from twin import samples_of, table_of, times
 
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.samples import Samples
@@ -22,6 +17,7 @@ from monitor.detect.detector import Detector
 from monitor.engine import Engine
 from sim_plants.fleet import random_fleet
 from sim_plants.loops import Simulation
+from tests.support.plants import samples_of, table_of, times
 
 ROUNDS = 5
 

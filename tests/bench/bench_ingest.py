@@ -1,6 +1,6 @@
 """Ingest against its floor: how much of a subscriber's rate is left when the monitor works behind it.
 
-Run: ``python tests/bench/bench_ingest.py`` (``--quick`` for a smoke check, ``--no-zenoh`` in this process only,
+Run: ``python -m tests.bench.bench_ingest`` (``--quick`` for a smoke check, ``--no-zenoh`` in this process only,
 ``--profile`` for where the time goes). Ratios are what counts; the rates depend on the machine.
 
 The floor decodes the payload and does nothing with it: a frame's columns to NumPy arrays, a JSON sample with
@@ -13,7 +13,6 @@ import argparse
 import cProfile
 import json
 import pstats
-import socket
 import subprocess
 import sys
 import threading
@@ -34,6 +33,8 @@ from monitor.service.service import Service, warm_up
 from monitor.wire.decode import Decoder, _Sample
 from sim_plants.loops import Block
 from sim_plants.payloads import encode_frame, encode_sample, iso_times, name_array
+from tests.support.places import ROOT
+from tests.support.waiting import free_port
 
 START = 1_767_225_600 * 10**9
 LATER = 2**62
@@ -157,7 +158,7 @@ def in_process(name: str, seconds: list[list[Message]], loops: int) -> float:
 
 PUBLISH = """
 import sys
-from bench_ingest import publish
+from tests.bench.bench_ingest import publish
 publish(sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4]), int(sys.argv[5]))
 """
 
@@ -180,15 +181,12 @@ def publish(endpoint: str, kind: str, loops: int, seconds: int, rounds: int) -> 
 
 def over_zenoh(kind: str, loops: int, seconds: int) -> float:
     """The same with a publisher in another process and the bus's callback in front."""
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{s.getsockname()[1]}"
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
     bus = Bus(open_session("router", listen=[endpoint]))
     bus.subscribe(["plant/**"], time.time_ns)
     rounds = 6
     command = [sys.executable, "-c", PUBLISH, endpoint, kind, str(loops), str(seconds), str(rounds)]
-    here = __file__.rpartition("/")[0]
-    child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=here)
+    child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     assert child.stdin is not None
     assert child.stdout is not None
     rates: dict[str, list[float]] = {"floor": [], "chain": []}

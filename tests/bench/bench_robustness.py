@@ -1,6 +1,6 @@
 """Evaluations of Ms a second on one core, beside the floor: bare complex arithmetic on a grid of the same size.
 
-Run: python tests/bench/bench_robustness.py [--loops N]
+Run: python -m tests.bench.bench_robustness [--loops N]
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """The benchmark of events: nothing invented on loops that are left alone, nothing missed of what happens.
 
-``python tests/bench/detection.py [--kind NAME ...] [--loops N] [--weeks W] [--seed S]``: one table row for each
+``python -m tests.bench.detection [--kind NAME ...] [--loops N] [--weeks W] [--seed S]``: one table row for each
 kind, what misses its goal marked with ``!``. The defaults watch 100 loop-weeks of each kind at 1 Hz, 60 million
 samples, in about half a minute on a core, and 200 loops with six known events each.
 
@@ -31,16 +31,9 @@ right within two dead times (at least two samples).
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "monitor"))
-
-from detection_fleet import KINDS, Kind, fleet, lasts
-from twin import samples_of, table_of
 
 from monitor.contract.loops import LoopTable
 from monitor.contract.records import RETUNE, Assessment
@@ -48,6 +41,8 @@ from monitor.engine import Engine
 from sim_plants.loops import Simulation
 from sim_plants.specs import LoopSpec
 from sim_plants.truth import truth_events
+from tests.bench.detection_fleet import KINDS, Kind, fleet, lasts
+from tests.support.plants import samples_of, table_of
 
 WEEK = 7 * 86400.0
 CHUNK = 2_000_000

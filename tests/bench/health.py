@@ -1,6 +1,6 @@
 """The benchmark of the health figures: right or wrong by kind of loop, by sampling, by archive; and what they cost.
 
-``python tests/bench/health.py [--loops N] [--seed S] [--slow N]``. Fleets: `health_fleet`. The table of kinds has the
+``python -m tests.bench.health [--loops N] [--seed S] [--slow N]``. Fleets: `health_fleet`. The table of kinds has the
 truth in its rows; what the figures say in its columns. The table of samplings has the same simulated loops, scanned
 every second with closed loops twenty times slower, as seen every 1, 2, 5 and 10 s: share of the loops whose figure
 stays within 5 % of that at 1 s, the median and the largest deviation, and the share withheld.
@@ -17,8 +17,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from health_archive import held, interpolated, reports, swinging_door
-from health_fleet import CLASSES, Case, draw
 from scipy.signal import lfilter
 
 from monitor.contract.loops import Loop
@@ -28,6 +26,8 @@ from monitor.health.loop_health import SATURATED, Health, figures
 from sim_plants.loops import Block, Simulation
 from sim_plants.plants import Process
 from sim_plants.specs import LoopSpec, Steps
+from tests.bench.health_archive import held, interpolated, reports, swinging_door
+from tests.bench.health_fleet import CLASSES, Case, draw
 
 SEED = 20_261_122
 """Held out: named here and nowhere else."""

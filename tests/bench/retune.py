@@ -1,6 +1,6 @@
 """The benchmark of the whole: held-out random fleets, one event each, suggestions judged on the true plants.
 
-``python tests/bench/retune.py [--loops N] [--case NAME ...] [--seed S] [--worst N] [--json FILE]``: one table
+``python -m tests.bench.retune [--loops N] [--case NAME ...] [--seed S] [--worst N] [--json FILE]``: one table
 row for each case, what misses its goal marked with ``!``.
 
 Fleets (`retune_fleet`; all draws logarithmic and of either sign where a sign makes sense):
@@ -48,10 +48,10 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # one event, one core
 
 import numpy as np  # noqa: E402 (after the threads)
-from retune_fleet import CASES  # noqa: E402
-from retune_judge import NERVOUS, Outcome, judge_many, turns_pi_into_pid  # noqa: E402
 
 from monitor.contract.records import GOOD  # noqa: E402
+from tests.bench.retune_fleet import CASES  # noqa: E402
+from tests.bench.retune_judge import NERVOUS, Outcome, judge_many, turns_pi_into_pid  # noqa: E402
 
 SEED = 20_100_261
 """Held out: named here and nowhere else."""

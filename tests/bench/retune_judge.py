@@ -8,15 +8,14 @@ import time
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from retune_fleet import CASES, PI, SELF, Case, draw, record, table_row
-from retune_truth import index, model_of, sensitivity, stable
-
 from monitor.assess.reference import LOAD, SETPOINT, closed_loop_time, reduced, reference_structure
 from monitor.contract.loops import LoopTable
 from monitor.contract.records import INCONCLUSIVE, RETUNE, Assessment, LoopRow
 from monitor.engine import Engine
 from sim_plants.controllers import Controller
 from sim_plants.specs import LoopSpec
+from tests.bench.retune_fleet import CASES, PI, SELF, Case, draw, record, table_row
+from tests.bench.retune_truth import index, model_of, sensitivity, stable
 
 START_NS = 1_767_225_600_000_000_000
 """First sample of every simulation [ns]."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from detection import HEAD, describe, table_line, watch
-from detection_fleet import KINDS, fleet, lasts, smallest_peak
+
+from tests.bench.detection import HEAD, describe, table_line, watch
+from tests.bench.detection_fleet import KINDS, fleet, lasts, smallest_peak
 
 SEED = 5
 """Not the benchmark's own."""

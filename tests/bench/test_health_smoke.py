@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from health import CLASSES, KINDS, PROCESSES, archived, confusion, health_of, kind_of, share_right, slowed
-from health_archive import held, interpolated, reports, swinging_door
-from health_fleet import draw
 
 from sim_plants.loops import Simulation
+from tests.bench.health import (
+    CLASSES,
+    KINDS,
+    PROCESSES,
+    archived,
+    confusion,
+    health_of,
+    kind_of,
+    share_right,
+    slowed,
+)
+from tests.bench.health_archive import held, interpolated, reports, swinging_door
+from tests.bench.health_fleet import draw
 
 SEED = 11
 """Not the benchmark's own."""

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from retune import HEAD, cause, describe, half_width, table_line, worst
-from retune_fleet import CASES, SETPOINT, draw, record, table_row
-from retune_judge import Outcome, judge, judge_many, turns_pi_into_pid
-from retune_truth import index, sensitivity, stable
 
 from sim_plants.controllers import Controller
 from sim_plants.plants import Plant
 from sim_plants.specs import LoopSpec
+from tests.bench.retune import HEAD, cause, describe, half_width, table_line, worst
+from tests.bench.retune_fleet import CASES, SETPOINT, draw, record, table_row
+from tests.bench.retune_judge import Outcome, judge, judge_many, turns_pi_into_pid
+from tests.bench.retune_truth import index, sensitivity, stable
 
 SEED = 11
 """Not the benchmark's own."""

@@ -9,8 +9,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 from monitor.cli.check import check as check_command
+from tests.support.places import SHARED
 
-DATA = Path(__file__).parents[3] / "shared" / "data"
+DATA = SHARED / "data"
 GOOD = "loop,time,sp,pv,op\n" + "".join(f"LIC-1,{10 * k},50,{50 + k % 3},40\n" for k in range(20))
 
 

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from twin import START, Seen, pi_loop, run, samples_of, table_of, times, watch
 
 from monitor.contract.loops import OBJECTIVES, Loop, LoopTable
 from monitor.contract.records import (
@@ -33,6 +32,8 @@ from sim_plants.loops import Simulation
 from sim_plants.margins import margin
 from sim_plants.scenarios import demo
 from sim_plants.specs import LoopSpec
+from tests.support.plants import START, pi_loop, samples_of, table_of, times
+from tests.support.runs import Seen, run, watch
 
 
 def plain(records: list[Record]) -> list[Any]:

@@ -7,23 +7,23 @@ from __future__ import annotations
 
 import re
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from twin import Seen, sorted_records
 
 from monitor.adapters.loop_table import read_loop_table
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, RETUNE, Assessment, LoopRow
 from monitor.contract.samples import Samples
 from monitor.engine import Engine
+from tests.support.places import SHARED
+from tests.support.runs import Seen, sorted_records
 from tuners.models import IntegratingModel, SelfRegulatingModel
 from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings
 
-DATA = Path(__file__).resolve().parents[2] / ".." / "shared" / "data"
+DATA = SHARED / "data"
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="../shared/data is not there")
 
 

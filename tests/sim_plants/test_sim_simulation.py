@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sim_twin import simulate
 
 from sim_plants.controllers import Controller
 from sim_plants.fleet import random_fleet
 from sim_plants.loops import NEVER, LoopSpec, Simulation, Steps
 from sim_plants.plants import Plant
 from sim_plants.scenarios import reference_loops
+from tests.sim_plants.sim_twin import simulate
 
 # IAE of a unit step of the set point and of the load, mu, T0. Series PID,
 # continuous controller; the third figure of each is good to about 0.1 %.

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from random_loops import draw_loops
 
+from tests.support.random_loops import draw_loops
 from tuners.models import IntegratingModel, Plant, SelfRegulatingModel
 from tuners.responses import step_figures
 from tuners.robustness import closed_loop_response, peak_sensitivity

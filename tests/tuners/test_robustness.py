@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from random_loops import draw_loops
 
+from tests.support.random_loops import draw_loops
 from tuners.models import IntegratingModel, Plant, SelfRegulatingModel
 from tuners.robustness import margins, model_box, peak_sensitivity, worst_sensitivity
 from tuners.rules import RULES

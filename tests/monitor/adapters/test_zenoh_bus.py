@@ -1,0 +1,210 @@
+"""The bus: a ring that never blocks, one prefix to write to, sessions on loopback."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from monitor.adapters.zenoh_bus import Bus, BusError, Ring, _parameters, ask, open_session, plant_put
+from monitor.contract.entries import Message
+from tests.support.waiting import free_port, until
+
+
+@pytest.fixture
+def endpoint():
+    return f"tcp/127.0.0.1:{free_port()}"
+
+
+@pytest.fixture
+def bus(endpoint):
+    b = Bus(open_session("router", listen=[endpoint]))
+    yield b
+    b.close()
+
+
+@pytest.fixture
+def client(bus, endpoint):  # noqa: ARG001 (there has to be somebody to connect to)
+    session = open_session("client", connect=[endpoint])
+    yield session
+    session.close()
+
+
+# ---------------------------------------------------------------------------------------------------
+# the ring
+
+
+@given(
+    st.lists(st.one_of(st.integers(0, 40), st.just("take")), max_size=60),
+    st.integers(1, 8),
+    st.integers(1, 100),
+    st.integers(1, 5),
+    st.integers(1, 80),
+)
+def test_the_ring_against_a_list(steps, most, most_bytes, at_once, at_once_bytes):
+    """Oldest dropped and counted, bytes and messages bounded, what is taken is the oldest in order."""
+    ring = Ring(most_bytes, most)
+    twin: list[bytes] = []
+    received = dropped = taken = 0
+    for number, step in enumerate(steps):
+        if step == "take":
+            got = [m.payload for m in ring.take(at_once, at_once_bytes)]
+            expected: list[bytes] = []
+            while twin and len(expected) < at_once and sum(map(len, expected)) < at_once_bytes:
+                expected.append(twin.pop(0))
+            assert got == expected
+            taken += len(got)
+        else:
+            payload = bytes([number % 256]) * step
+            ring.put(Message("k", payload, 0))
+            received += 1
+            twin.append(payload)
+            while len(twin) > most or sum(map(len, twin)) > most_bytes:
+                twin.pop(0)
+                dropped += 1
+        assert (ring.received, ring.dropped, len(ring)) == (received, dropped, len(twin))
+        assert ring._bytes == sum(map(len, twin))
+    assert received == taken + dropped + len(twin)
+
+
+def test_the_ring_between_threads():
+    """A producer and a consumer: nothing lost, nothing twice, in order."""
+    ring = Ring()
+    n = 20_000
+    producer = threading.Thread(target=lambda: [ring.put(Message("k", b"x", k)) for k in range(n)])
+    producer.start()
+    got: list[int] = []
+    until(lambda: got.extend(m.time for m in ring.take(100)) or len(got) == n)
+    producer.join()
+    assert got == list(range(n))
+    assert ring.dropped == 0
+
+
+@pytest.mark.parametrize("text", ["a=1&b=2=3", "a=1;b=2=3", ";a=1;;b=2=3&"])
+def test_parameters(text):
+    """Separated by `&` or `;`, the value may hold a `=`."""
+    assert _parameters(text) == {"a": "1", "b": "2=3"}
+
+
+# ---------------------------------------------------------------------------------------------------
+# sessions
+
+
+def test_a_port_that_is_taken_and_a_router_that_is_not_there(endpoint):
+    """One line with the endpoint, without the library's source lines."""
+    session = open_session("router", listen=[endpoint])
+    with pytest.raises(BusError) as error:
+        open_session("router", listen=[endpoint])
+    session.close()
+    assert str(error.value).startswith(endpoint)
+    assert len(str(error.value).splitlines()) == 1
+    assert ".rs" not in str(error.value)
+    with pytest.raises(BusError, match="cannot open"):
+        open_session("client", connect=[endpoint], options={"connect/timeout_ms": 100})
+    with pytest.raises(BusError, match="nonsense"):
+        open_session("router", listen=["nonsense"])
+
+
+def test_nothing_listens_beyond_loopback(endpoint):
+    """Only the endpoint that was asked for is open; scouting is off."""
+    session = open_session("router", listen=[endpoint])
+    port = int(endpoint.rpartition(":")[2])
+    with pytest.raises(OSError, match=r"refused|timed out"):
+        socket.create_connection(("127.0.0.2", port), timeout=1.0).close()
+    session.close()
+
+
+def test_messages_come_with_key_bytes_and_time(bus, client):
+    """Key, payload and the bus's timestamp; what a monitor says itself is not heard."""
+    bus.subscribe(["**"], lambda: 7)
+    put = plant_put(client)
+    until(lambda: put("plant/x", b"\x00\xff") or len(bus.ring))
+    bus.say("loopsight/x", b"own", "text/plain")
+    client.put("loopsight/plant/x/event", b"another monitor's")
+    client.put("plant/end", b"")
+    heard: list[Message] = []
+    until(lambda: heard.extend(bus.ring.take(100)) or (heard and heard[-1].key == "plant/end"))
+    assert {m.key for m in heard} == {"plant/x", "plant/end"}
+    assert heard[0].payload == b"\x00\xff"
+    assert abs(heard[0].time - time.time_ns()) < 60e9
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["plant/x", "loopsight", "", "/loopsight/x", "loopsightx/y", "**", "plant/loopsight/x", "@/loopsight/x"],
+)
+def test_there_is_no_way_to_write_outside_the_prefix(bus, key):
+    """Anything else is refused before it reaches the session."""
+    with pytest.raises(ValueError, match="outside loopsight/"):
+        bus.say(key, b"", "")
+
+
+def test_only_one_place_publishes():
+    """`put` is called by the bus (under its prefix) and by the simulated plant, by nobody else in the monitor."""
+    from pathlib import Path  # noqa: PLC0415
+
+    import monitor  # noqa: PLC0415
+
+    folder = Path(monitor.__file__).parent
+    found = {
+        str(f.relative_to(folder))
+        for f in folder.rglob("*.py")
+        if "session.put" in f.read_text(encoding="utf-8")
+        or "declare_publisher" in f.read_text(encoding="utf-8")
+    }
+    assert found == {"adapters/zenoh_bus.py"}
+
+
+def test_what_zenoh_does_not_take_is_counted(bus):
+    """A key that is none, or a session that is closed: no exception."""
+    bus.say("loopsight/a//b", b"", "")
+    bus.close()
+    bus.say("loopsight/x", b"", "")
+    assert bus.unsaid == 2
+
+
+def test_key_expressions_that_are_none(bus):
+    """One line names it."""
+    with pytest.raises(BusError, match="subscribe: 'plant/\\*\\*\\*'"):
+        bus.subscribe(["plant/***"], lambda: 0)
+
+
+def test_questions_are_answered_or_refused_by_our_own_thread(bus, client):
+    """Parameters as the contract writes them; a refusal is an error at the asker, not a reply."""
+    bus.answer(["loopsight/**"])
+    got: list[Any] = []
+
+    def get(selector: str) -> threading.Thread:
+        thread = threading.Thread(target=lambda: got.append(ask(client, selector, 5.0)))
+        thread.start()
+        return thread
+
+    thread = get("loopsight/a/history/*?since=2026-01-01T00:00:00Z&limit=3")
+    question = until(lambda: bus.questions.popleft() if bus.questions else None)
+    assert question.key == "loopsight/a/history/*"
+    assert question.parameters == {"since": "2026-01-01T00:00:00Z", "limit": "3"}
+    assert question.matches("loopsight/a/history/1")
+    assert not question.matches("loopsight/b/history/1")
+    question.answer([(f"loopsight/a/history/{k}", b"%d" % k, "application/json") for k in range(3)])
+    thread.join(10)
+    assert sorted(got.pop()) == [(f"loopsight/a/history/{k}", b"%d" % k) for k in range(3)]
+    thread = get("loopsight/a/history/*")
+    until(lambda: bus.questions.popleft() if bus.questions else None).refuse("limit: expected a number")
+    thread.join(10)
+    assert got.pop() == []
+    thread = get("**")
+    question = until(lambda: bus.questions.popleft() if bus.questions else None)
+    question.answer([("loopsight/x", b"", ""), ("not a / key", b"", "")])
+    thread.join(10)
+
+
+def test_close_twice(bus):
+    """Closing is safe in any state."""
+    bus.subscribe(["plant/**"], lambda: 0)
+    bus.close()
+    bus.close()

@@ -1,0 +1,319 @@
+"""Set-point steps: what opens an event, what closes it, and what moves a set point but is no step."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from monitor.contract.loops import Loop
+from monitor.contract.samples import Samples
+from monitor.detect.detector import Detector
+from monitor.detect.state import BY_END, BY_GAP, BY_MODE, BY_STEP, OPENED, RING, STATES, STEP_REST
+from tests.support.detection import (
+    detected,
+    events_of,
+    loads_of,
+    slots_are_whole,
+    stepped,
+    steps_of,
+)
+from tests.support.plants import SECOND, START, pi_loop, times
+
+
+def closed_by(sp: NDArray[np.float64], **facts: Any) -> list[Any]:
+    """Events that close in a loop that follows this set point."""
+    pv, op = pi_loop(sp, **facts)
+    return events_of(detected(Samples.of(0, times(len(sp)), sp, pv, op))[1])
+
+
+def climbing(n: int, first: int, every: int, treads: int, height: float) -> NDArray[np.float64]:
+    """Return a set point that goes up a staircase from 50, a tread each so many samples."""
+    return 50.0 + height * np.clip((np.arange(n) - first) // every + 1, 0, treads)
+
+
+def test_a_step_opens_and_closes_one_event():
+    """One opening, one closing, of the step's size, at the sample that shows it, with what came before."""
+    _, found = detected(stepped())
+    (opened,), (closed,) = events_of(found, OPENED), events_of(found)
+    for event in (opened, closed):
+        assert event["amplitude"] == pytest.approx(4.0)
+        assert event["onset"] == START + 200 * SECOND
+        assert event["number"] == 1
+    assert STATES[closed["state"]] == "settled"
+    assert closed["quiet"] == 1.0
+    window = found[-1][1]
+    assert window[closed["before"], 0] == 0.0
+    assert closed["before"] == RING
+
+
+def test_a_set_point_smeared_over_three_samples_is_one_step():
+    """A historian's interpolation makes several small moves of one step."""
+    sp = np.full(700, 50.0)
+    sp[200:] = 54.0
+    sp[200], sp[201] = 51.1, 52.9
+    (closed,) = closed_by(sp)
+    assert closed["amplitude"] == pytest.approx(4.0)
+    assert closed["onset"] == START + 200 * SECOND
+
+
+@pytest.mark.parametrize("moves", [8, 100, 500])
+def test_a_ramp_is_no_step(moves):
+    """A set point that keeps moving opens nothing, and its window is given back."""
+    sp = np.full(900, 50.0)
+    sp[200 : 200 + moves] += np.linspace(0, 4, moves)
+    sp[200 + moves :] += 4.0
+    pv, op = pi_loop(sp, noise=0.02)
+    detector, found = detected(Samples.of(0, times(900), sp, pv, op))
+    assert steps_of(found) == []
+    slots_are_whole(detector)
+
+
+def test_a_set_point_that_never_rests_is_no_step():
+    """A cascade slave's set point, moving at every sample, opens nothing."""
+    rng = np.random.default_rng(0)
+    sp = 50 + np.cumsum(rng.normal(0, 0.1, 3000))
+    detector, found = detected(Samples.of(0, times(3000), sp, sp + rng.normal(0, 0.01, 3000), 50.0))
+    assert steps_of(found) == []
+    slots_are_whole(detector)
+
+
+@pytest.mark.parametrize("scan", [1, 2, 5, 10, 30])
+@pytest.mark.parametrize("noise", [0.0, 0.02, 0.5])
+def test_a_cascade_slave_has_no_step(scan, noise):
+    """A set point that a master writes at every scan, long rests between them included, is nobody's step."""
+    rng = np.random.default_rng(scan)
+    n = 6000
+    master = np.cumsum(rng.normal(0, 0.5, n // scan + 1))
+    sp = 50 + np.repeat(master, scan)[:n]
+    pv, op = pi_loop(sp, noise=noise)
+    detector, found = detected(Samples.of(0, times(n), sp, pv, op))
+    assert found == []
+    slots_are_whole(detector)
+
+
+def test_a_controller_that_writes_once_a_minute_is_found_out():
+    """Model-predictive control: after two moves of the set point they are nobody's steps any more."""
+    rng = np.random.default_rng(4)
+    sp = 50 + np.repeat(np.cumsum(rng.normal(0, 1.0, 200)), 60)
+    assert len(closed_by(sp, noise=0.02)) <= 2
+
+
+def test_a_staircase_of_held_steps_is_one_event_a_step():
+    """Each tread that is held long enough cuts the event before it short and opens its own."""
+    closed = closed_by(climbing(1200, 200, 30, 3, 2.0))
+    assert [STATES[e["state"]] for e in closed] == ["interrupted", "interrupted", "settled"]
+    assert [int(e["cause"]) for e in closed[:2]] == [BY_STEP, BY_STEP]
+    assert [e["amplitude"] for e in closed] == pytest.approx([2.0, 2.0, 2.0])
+    assert [e["quiet"] for e in closed] == [1.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("every", [1, 3, 5])
+def test_some_clicks_in_a_row_are_one_step(every):
+    """An operator who clicks four times within a quarter of a minute makes one step of their sum."""
+    (closed,) = closed_by(climbing(900, 300, every, 4, 1.0), noise=0.02)
+    assert closed["amplitude"] == pytest.approx(4.0)
+    assert closed["onset"] == START + 300 * SECOND
+    assert STATES[closed["state"]] == "settled"
+
+
+@pytest.mark.parametrize("every", [4, 15, 40])
+def test_a_staircase_of_last_bits_is_a_ramp(every):
+    """A ramp that shows as a hundred moves of one bit is not a hundred steps."""
+    assert len(closed_by(climbing(6000, 300, every, 100, 0.1), noise=0.01)) <= (0 if every < STEP_REST else 3)
+
+
+def test_there_and_back_before_the_loop_settles_is_two_steps():
+    """A bump test: the first event ends where the second begins."""
+    sp = np.full(1500, 50.0)
+    sp[300:350] += 4.0
+    closed = closed_by(sp, noise=0.02)
+    assert [STATES[e["state"]] for e in closed] == ["interrupted", "settled"]
+    assert [e["amplitude"] for e in closed] == pytest.approx([4.0, -4.0])
+
+
+@pytest.mark.parametrize("jitter", ["of single precision", "of an analog signal"])
+def test_a_set_point_that_jitters_is_at_rest(jitter):
+    """Rounding, or a tenth of the noise: no event but the one step that there is."""
+    rng = np.random.default_rng(6)
+    sp = np.full(1500, 50.0)
+    sp[700:] += 4.0
+    pv, op = pi_loop(sp, noise=0.0 if "single" in jitter else 0.1)
+    shaken = (
+        sp * (1 + 6e-8 * rng.integers(-1, 2, 1500)) if "single" in jitter else sp + rng.normal(0, 0.01, 1500)
+    )
+    _, found = detected(Samples.of(0, times(1500), shaken, pv, op))
+    (closed,) = events_of(found)
+    assert closed["onset"] == START + 700 * SECOND
+    assert closed["amplitude"] == pytest.approx(4.0, abs=0.05)
+    assert STATES[closed["state"]] == "settled"
+
+
+def test_a_step_soon_after_a_ramp_is_found():
+    """A loop that was ramped for ten minutes and has settled is looked at again."""
+    n = np.arange(2500)
+    sp = 50.0 + np.clip(n - 300, 0, 600) * 0.01 + 4.0 * (n >= 1500)
+    assert [e["onset"] for e in closed_by(sp, noise=0.02)] == [START + 1500 * SECOND]
+
+
+@pytest.mark.parametrize("rate", [0.0001, 0.001, 0.01, 0.1])
+def test_a_ramp_slow_or_fast_is_neither_step_nor_load(rate):
+    """However slowly the set point creeps, nothing happened."""
+    n = np.arange(6000)
+    sp = 50.0 + np.clip(n - 500, 0, min(6.0 / rate, 4000)) * rate
+    pv, op = pi_loop(sp, noise=0.05)
+    _, found = detected(Samples.of(0, times(6000), sp, pv, op))
+    assert steps_of(found) == []
+    assert loads_of(found) == []
+
+
+def test_a_set_point_that_tracks_pv_in_manual_is_no_step():
+    """Bumpless: SP follows PV until the loop is back in automatic, and rests from there on."""
+    n = 3000
+    rng = np.random.default_rng(2)
+    walk = 50 + np.cumsum(rng.normal(0, 0.05, n))
+    auto = (np.arange(n) < 500) | (np.arange(n) >= 2000)
+    pv = np.where(np.arange(n) < 500, 50.0, np.where(auto, walk[1999], walk)) + rng.normal(0, 0.02, n)
+    sp = np.where(np.arange(n) < 500, 50.0, np.where(auto, pv[1999], pv))
+    _, found = detected(Samples.of(0, times(n), sp, pv, 30.0, auto))
+    assert found == []
+
+
+@pytest.mark.parametrize("late", [0, 1, 8])
+def test_back_to_automatic_with_a_step_is_not_used(late):
+    """The set point jumps as the loop goes to automatic, or soon after: there is no baseline to judge it by."""
+    n = 2000
+    auto = (np.arange(n) < 500) | (np.arange(n) >= 900)
+    sp = np.where(np.arange(n) < 900 + late, 50.0, 56.0)
+    pv, op = pi_loop(sp, noise=0.02)
+    _, found = detected(Samples.of(0, times(n), sp, pv, op, auto))
+    assert found == []
+
+
+def test_a_step_below_the_noise_is_none():
+    """Half a standard deviation of the error cannot be told from noise."""
+    detector, found = detected(stepped(1500, 500, 0.25, noise=0.5))
+    assert steps_of(found) == []
+    slots_are_whole(detector)
+
+
+def test_a_step_that_is_taken_back_at_once_is_none():
+    """Two samples of another set point are a typing mistake."""
+    sp = np.full(700, 50.0)
+    sp[200:202] = 60.0
+    pv, op = pi_loop(sp)
+    detector, found = detected(Samples.of(0, times(700), sp, pv, op))
+    assert steps_of(found) == []
+    slots_are_whole(detector)
+
+
+def test_constant_signals_are_no_trouble():
+    """No variance at the start: no division, no event; a step out of perfect rest is found."""
+    n = 300
+    sp = np.full(n, 10.0)
+    sp[100:] = 11.0
+    with np.errstate(all="raise"):
+        detector, found = detected(Samples.of(0, times(n), sp, 10.0, 5.0))
+    assert [e["amplitude"] for e in events_of(found)] == [1.0]
+    for name in detector.state.dtype.names:
+        assert np.isfinite(detector.state[name]).all(), name
+
+
+def test_a_slow_process_is_waited_for():
+    """A dead time of 150 samples, or a tail of many minutes, is no end of an event."""
+    slow = stepped(3000, 200, kp=0.04, ti=2000.0, dead=150, noise=0.04)
+    _, found = detected(slow)
+    (closed,) = events_of(found)
+    after = (closed["end"] - closed["onset"]) / SECOND
+    assert after > 600
+    assert abs(closed["offset"]) < 0.15 * closed["amplitude"]
+
+
+def test_an_event_of_a_loop_that_never_follows_ends():
+    """Where PV does not move at all the event ends after some hundred samples, away from the set point."""
+    n = 2000
+    sp = np.full(n, 10.0)
+    sp[100:] = 11.0
+    _, found = detected(Samples.of(0, times(n), sp, 10.0, 5.0))
+    (closed,) = events_of(found)
+    assert STATES[closed["state"]] == "settled"
+    assert closed["offset"] == pytest.approx(1.0)
+    assert closed["end"] < START + 1000 * SECOND
+
+
+def test_a_loop_that_does_not_settle_is_given_up():
+    """An undamped oscillation after the step: `timeout` after twenty waves."""
+    n = 12_000
+    k = np.arange(n)
+    sp = np.full(n, 50.0)
+    sp[500:] = 54.0
+    pv = np.where(k < 503, 50.0, 54.0 + 3 * np.sin(k / 20.0))
+    _, found = detected(Samples.of(0, times(n), sp, pv, 50.0 + 0.2 * (sp - pv)))
+    (closed,) = events_of(found)
+    assert STATES[closed["state"]] == "timeout"
+    assert 19 < (closed["end"] - closed["onset"]) / SECOND / (40 * np.pi) < 22
+
+
+def test_a_step_during_an_event_interrupts_it_and_opens_the_next():
+    """The first ends where the second begins; the second is not from rest."""
+    samples = stepped()
+    sp = samples.sp.copy()
+    sp[230:] += 3.0
+    pv, op = pi_loop(sp)
+    _, found = detected(replace(samples, sp=sp, pv=pv, op=op))
+    first, second = events_of(found)
+    assert (STATES[first["state"]], first["cause"]) == ("interrupted", BY_STEP)
+    assert first["end"] == second["onset"] == START + 230 * SECOND
+    assert second["amplitude"] == pytest.approx(3.0)
+
+
+def test_a_gap_interrupts_an_event_and_nothing_is_integrated_across():
+    """An hour without data in the middle of an event: closed at the last sample before it."""
+    samples = stepped()
+    shifted = samples.time.copy()
+    shifted[260:] += 3600 * SECOND
+    detector, found = detected(replace(samples, time=shifted))
+    (closed,) = events_of(found)
+    assert (STATES[closed["state"]], closed["cause"]) == ("interrupted", BY_GAP)
+    assert closed["end"] == START + 259 * SECOND
+    assert closed["iae"] < 4.0 * 60
+    health = detector.health[0]
+    assert health["wall_time"] == pytest.approx(699 + 3600)
+    assert health["good_time"] < 700
+
+
+def test_manual_interrupts_an_event_and_counts():
+    """A change to manual closes the event; nothing opens in manual; the share of time is kept."""
+    samples = stepped()
+    sp = samples.sp.copy()
+    sp[400:] += 5.0
+    auto = np.ones(700, bool)
+    auto[260:500] = False
+    detector, found = detected(replace(samples, sp=sp, auto=auto))
+    (closed,) = events_of(found)
+    assert (STATES[closed["state"]], closed["cause"]) == ("interrupted", BY_MODE)
+    assert detector.health[0]["manual_time"] == pytest.approx(240.0, abs=1.5)
+
+
+def test_back_to_automatic_with_a_bump_is_no_step():
+    """A set point that was moved in manual is where the next baseline begins."""
+    n = 900
+    sp = np.full(n, 50.0)
+    sp[300:] = 55.0
+    auto = np.ones(n, bool)
+    auto[250:400] = False
+    _, found = detected(Samples.of(0, times(n), sp, sp, 30.0, auto))
+    assert steps_of(found) == []
+
+
+def test_the_end_of_the_data_interrupts_an_event():
+    """`flush` closes what is open, once."""
+    detector = Detector([Loop(name="L")])
+    detector.run(stepped().take(slice(0, 240)))
+    (closed,) = events_of(detector.flush())
+    assert (STATES[closed["state"]], closed["cause"]) == ("interrupted", BY_END)
+    assert detector.flush() == []
+    slots_are_whole(detector)

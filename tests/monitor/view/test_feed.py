@@ -1,0 +1,214 @@
+"""What the view knows and hears: bounded, never the plant, and no payload is fatal."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monitor.contract.evidence import Pane, merge
+from monitor.contract.times import nanoseconds
+from monitor.view.feed import LOG_LINES, QUESTIONS, QUIET, Feed, Inbox
+from monitor.view.selection import Board
+from monitor.wire.arrow import decode_trend
+from tests.support.fake_monitor import Loop, arrow, assessment, demo_loops, row, trend_payload, window_payload
+
+
+@pytest.fixture
+def loop() -> Loop:
+    return demo_loops()[0]
+
+
+def test_inbox_forgets_the_oldest_and_counts() -> None:
+    inbox = Inbox(3)
+    for i in range(10):
+        inbox.put(str(i), b"")
+    assert [m.key for m in inbox.take()] == ["7", "8", "9"]
+    assert inbox.dropped == 7
+    assert inbox.take() == []
+
+
+def test_board_shows_the_worst_and_does_not_flicker() -> None:
+    """At most so many; a shown loop yields only to a clearly worse one, or when it is good again."""
+    board = Board(most=3)
+
+    def put(name: str, ci: float, verdict: str = "retune") -> bool:
+        board.put({"loop": name, "verdict": verdict, "ci_setpoint": ci}, f"plant/{name}")
+        return board.choose()
+
+    assert put("a", 0.5)
+    assert put("b", 0.4)
+    assert put("c", 0.3)
+    assert not put("d", 0.45)  # worse than a, but not by much
+    assert put("e", 0.1)
+    assert board.shown == ["e", "c", "b"]
+    assert put("e", 0.9, "good")
+    assert board.shown == ["c", "b", "d"]
+    assert board.counts() == {"retune": 4, "good": 1}
+    assert [r["loop"] for r in board.flagged()] == ["c", "b", "d", "a"]
+
+
+def test_merge_and_times() -> None:
+    """Parts of a trend are joined in the order of time; a time without zone is UTC."""
+    payloads = [arrow({"time": np.array(t), "sp": x, "pv": x, "op": x}, {"loop": "L"})
+                for t, x in (([30, 40], np.array([3.0, 4.0])), ([10, 20], np.array([1.0, 2.0])))]  # fmt: skip
+    joined = merge([decode_trend(p) for p in payloads])
+    assert joined.time.tolist() == [10, 20, 30, 40]
+    assert joined.pv.tolist() == [1.0, 2.0, 3.0, 4.0]
+    assert (
+        nanoseconds("1970-01-01T00:00:01.000001Z")
+        == nanoseconds("1970-01-01T00:00:01.000001")
+        == 1_000_001_000
+    )
+    assert nanoseconds("yesterday") is nanoseconds(7) is None
+
+
+class Listener:
+    """Stands for a Zenoh session: keeps what is asked of it."""
+
+    def __init__(self) -> None:
+        self.heard: list[str] = []
+        self.asked: list[str] = []
+
+    def declare_subscriber(self, key: str, _: Any) -> Any:
+        self.heard.append(key)
+        return type("Subscriber", (), {"undeclare": lambda _: self.heard.remove(key)})()
+
+    def get(self, selector: str, _: Any, timeout: float) -> None:
+        assert timeout <= 10.0
+        self.asked.append(selector)
+
+
+class Sketch:
+    """Stands for the picture: counts."""
+
+    def __init__(self) -> None:
+        self.now = 1
+        self.windows: list[str] = []
+        self.trends: list[str] = []
+        self.lines: list[str] = []
+        self.pages: dict[str | None, str] = {}
+        self.layouts: list[tuple[list[Pane], str | None]] = []
+
+    def window(self, window: Any) -> None:
+        self.windows.append(window.loop)
+
+    def trend(self, trend: Any) -> None:
+        self.trends.append(trend.loop)
+
+    def log(self, text: str, _level: str, _time: int | None) -> None:
+        self.lines.append(text)
+
+    def page(self, text: str, loop: str | None = None) -> None:
+        self.pages[loop] = text
+
+    def layout(self, panes: list[Pane], active: str | None = None) -> None:
+        self.layouts.append((panes, active))
+
+
+@pytest.fixture
+def feed() -> Feed:
+    made = Feed(Listener(), Sketch(), most=2)
+    made.listen()
+    return made
+
+
+def say(feed: Feed, key: str, payload: bytes | dict[str, Any]) -> None:
+    feed.inbox.put(key, json.dumps(payload).encode() if isinstance(payload, dict) else payload)
+
+
+def test_hears_the_monitor_and_never_the_plant(feed: Feed) -> None:
+    """Windows and trends are heard of shown loops alone; nothing that matches the plant's keys is."""
+    session = feed._session
+    for loop in demo_loops():
+        if loop.verdict == "retune":
+            say(feed, f"loopsight/{loop.key}/suggestion", {**row(loop), "evidence": [loop.id]})
+    feed.tick()
+    assert all(key.startswith("loopsight/") for key in session.heard)
+    assert [k for k in session.heard if k.endswith(("trend", "window"))] == [
+        f"loopsight/plant/{name}/{leaf}" for name in feed.board.shown for leaf in ("window", "trend")
+    ]
+    assert len(feed.board.shown) == 2
+    feed.close()
+    assert session.heard == []
+
+
+def test_bad_payloads_are_counted_not_fatal(feed: Feed, loop: Loop, caplog: pytest.LogCaptureFixture) -> None:
+    bad = [b"", b"{", b"[]", b"\xff", b"null", b'{"loop": 7}', b"x" * 99]
+    arrows = [
+        arrow({"time": np.array([1])}, {"loop": "L"}),
+        arrow({"sp": np.array([1.0])}, {}),
+        trend_payload(loop, slice(0, 0)),
+    ]
+    for leaf in ("assessment", "event", "suggestion", "window", "trend"):
+        for payload in [*bad, *arrows]:
+            say(feed, f"loopsight/plant/x/{leaf}", payload)
+            feed.tick()
+    say(feed, "loopsight/@/m/status", b"[1]")
+    say(feed, "loopsight", b"{}")
+    feed.tick()
+    assert feed.refused.total() > 40
+    assert len(caplog.records) <= len(feed.refused)
+    assert "not readable" in feed._picture.pages[None]
+
+
+def test_a_storm_of_events_is_bounded(feed: Feed) -> None:
+    """Ten thousand events at once: a few lines, a few questions a tick."""
+    for i in range(10_000):
+        fact = {"loop": f"L{i}", "id": str(i), "kind": "load", "verdict": "good", "reason": "", "start": None}
+        say(feed, f"loopsight/plant/L{i}/assessment", fact)
+    feed.tick()
+    assert len(feed._picture.lines) == LOG_LINES + 1
+    assert len(feed._session.asked) <= QUESTIONS + 1
+    assert feed.inbox.dropped == 10_000 - 4096
+    assert "5,904 messages dropped" in feed._picture.pages[None].replace("\\", "")
+
+
+def test_verdicts_are_asked_for_after_an_assessment(feed: Feed, loop: Loop) -> None:
+    """A loop that has become good is flagged no more, and its tab goes."""
+    say(feed, f"loopsight/{loop.key}/suggestion", {**row(loop), "evidence": [loop.id]})
+    say(feed, f"loopsight/{loop.key}/window", window_payload(loop))
+    feed.tick()
+    assert feed._picture.layouts[-1][0] == [Pane(loop.name, *(int(loop.columns["time"][i]) for i in (0, -1)))]
+    say(feed, f"loopsight/{loop.key}/assessment", {**assessment(loop), "verdict": "good"})
+    feed.tick()
+    assert f"loopsight/{loop.key}/status" in feed._session.asked
+    say(feed, f"loopsight/{loop.key}/status", {**row(loop), "verdict": "good"})
+    for _ in range(10):
+        feed.tick()
+    assert feed.board.shown == []
+    assert feed._picture.layouts[-1][0] == []
+    assert "No loop is flagged" in feed._picture.pages[None]
+
+
+def test_layouts_are_rare(feed: Feed, loop: Loop) -> None:
+    """New windows of a shown loop do not lay out anew: the reader keeps his tab and his zoom."""
+    say(feed, f"loopsight/{loop.key}/suggestion", {**row(loop), "evidence": [loop.id]})
+    say(feed, f"loopsight/{loop.key}/window", window_payload(loop))
+    for i in range(50):
+        later = {**loop.columns, "time": loop.columns["time"] + (i + 1) * 10**13}
+        facts = {"id": f"later{i}", "loop": loop.name, "onset": str(later["time"][120])}
+        say(feed, f"loopsight/{loop.key}/window", arrow(later, facts))
+        feed.tick()
+    assert len(feed._picture.windows) == 50
+    assert len(feed._picture.layouts) <= 2
+
+
+def test_new_evidence_is_laid_out_in_quiet_times(feed: Feed, loop: Loop) -> None:
+    """A suggestion that rests on a newer event moves the charts to it, once five minutes have gone by."""
+    say(feed, f"loopsight/{loop.key}/suggestion", {**row(loop), "evidence": [loop.id]})
+    say(feed, f"loopsight/{loop.key}/window", window_payload(loop))
+    feed.tick()
+    later = {**loop.columns, "time": loop.columns["time"] + 10**13}
+    facts = {"id": "later", "loop": loop.name, "onset": str(later["time"][120])}
+    say(feed, f"loopsight/{loop.key}/suggestion", {**row(loop), "evidence": [loop.id, "later"]})
+    say(feed, f"loopsight/{loop.key}/window", arrow(later, facts))
+    for _ in range(QUIET - 2):
+        feed.tick()
+    before = len(feed._picture.layouts)
+    for _ in range(4):
+        feed.tick()
+    assert len(feed._picture.layouts) == before + 1
+    assert feed._picture.layouts[-1][0][0].start == int(later["time"][0])

@@ -1,0 +1,309 @@
+"""The view as a process: over Zenoh, with Rerun's programs; nothing of it can hurt the monitor or stay behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import psutil
+import pytest
+
+from monitor.adapters.rerun_view import picture as rerun_picture
+from monitor.adapters.rerun_view import process as rerun_process
+from monitor.view.process import ViewProcess, run, start_view
+from monitor.wire.arrow import decode_window
+from tests import screenshot_view
+from tests.support.fake_monitor import FakeMonitor, Loop, assessment, demo_loops, window_payload
+from tests.support.places import ROOT
+from tests.support.processes import children, gone
+from tests.support.recordings import read, texts
+from tests.support.waiting import PATIENCE, until
+
+LINUX = sys.platform.startswith("linux")
+
+
+@pytest.fixture
+def loop() -> Loop:
+    return demo_loops()[0]
+
+
+@pytest.fixture
+def fake() -> Iterator[FakeMonitor]:
+    monitor = FakeMonitor(rerun_process.free_ports(1)[0], demo_loops())
+    yield monitor
+    monitor.close()
+
+
+def test_late_view_gets_the_current_state(tmp_path: Path, fake: FakeMonitor) -> None:
+    """All was said before the view began: it asks, and records pages and windows of the flagged loops."""
+    flagged = [loop for loop in fake.loops if loop.verdict == "retune"]
+    view = start_view(fake.endpoint, "none", tmp_path / "late.rrd")
+    try:
+        until(lambda: {f"window/{loop.id}" for loop in flagged} <= fake.asked)
+        assert view.url == ""  # nothing to open
+        fake.health()
+        drawn = [f"{rerun_picture.entity(loop.name)}/event/{rerun_picture.PV}".encode() for loop in flagged]
+        until(lambda: all(path in (tmp_path / "late.rrd").read_bytes() for path in drawn))
+    finally:
+        view.stop()
+    series = read(tmp_path / "late.rrd")
+    for loop in flagged:
+        _, values = series[f"/{rerun_picture.entity(loop.name)}/event/{rerun_picture.PV}"]
+        np.testing.assert_array_equal(values[:-1], loop.columns["pv"])
+    pages = texts(tmp_path / "late.rrd", "/overview")
+    assert any("**4** to retune" in page and "**1** good" in page for page in pages)
+
+
+def test_live_view_draws_what_is_said(tmp_path: Path, fake: FakeMonitor) -> None:
+    """Suggestion, window and trend of a loop that is flagged while the view runs."""
+    loop = fake.loops[0]
+    fake.silent = True
+    view = start_view(fake.endpoint, "none", tmp_path / "live.rrd")
+    try:
+        assert view.url == ""
+        fake.tell(loop)
+        until(lambda: f"window/{loop.id}" in fake.asked)
+        step = 0
+        base = f"/{rerun_picture.entity(loop.name)}/live/{rerun_picture.PV}"
+        while base[1:].encode() not in (tmp_path / "live.rrd").read_bytes():
+            fake.go_on(loop, 4000 + 10 * step, 10)
+            step += 1
+            assert step < 500
+            time.sleep(0.05)
+    finally:
+        view.stop()
+    assert read(tmp_path / "live.rrd")[base][1].size >= 10
+    log = texts(tmp_path / "live.rrd", "/log")
+    assert any("LIC-101: retune" in line for line in log), log
+
+
+def test_single_event(tmp_path: Path, fake: FakeMonitor) -> None:
+    """``--event`` shows one event of the history, even of a good loop; an unknown one is an error."""
+    loop = next(loop for loop in fake.loops if loop.verdict == "good")
+    file = tmp_path / "e.rrd"
+    options = ["--connect", fake.endpoint, "--view", "none", "--save", str(file)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "monitor.view.process", *options, "--event", loop.id], cwd=ROOT
+    )
+    try:
+        until(lambda: f"window/{loop.id}" in fake.asked)
+        until(lambda: rerun_picture.ONSET_OP.encode() in file.read_bytes())
+    finally:
+        process.terminate()
+        assert process.wait(PATIENCE) == 0
+    series = (
+        rerun_picture.SP,
+        rerun_picture.PV,
+        rerun_picture.OP,
+        rerun_picture.MODEL,
+        rerun_picture.ONSET,
+        rerun_picture.ONSET_OP,
+    )
+    assert set(read(file)) == {f"/{rerun_picture.entity(loop.name)}/event/{name}" for name in series}
+    done = command(*options, "--event", "0123456789abcdef")
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "knows no event" in done.stderr
+
+
+@pytest.mark.skipif(not LINUX, reason="stops a process by signal")
+def test_stalled_view_does_not_delay_a_publisher(tmp_path: Path, fake: FakeMonitor) -> None:
+    """While the view is stopped, thousands of puts each take no time; afterwards it can still be ended."""
+    loop = fake.loops[0]
+    view = start_view(fake.endpoint, "none", tmp_path / "s.rrd")
+    try:
+        until(lambda: f"window/{loop.id}" in fake.asked)
+        os.kill(view.pid, signal.SIGSTOP)
+        window, fact = window_payload(loop), assessment(loop)
+        took = [fake.put(f"{loop.key}/window", window) for _ in range(500)]
+        took += [fake.put(f"{loop.key}/assessment", fact) for _ in range(3000)]
+        assert max(took) < 0.05
+        os.kill(view.pid, signal.SIGCONT)
+    finally:
+        view.stop()
+    assert not view.alive()
+
+
+needs_rerun = pytest.mark.skipif(not LINUX, reason="looks at processes in /proc")
+
+
+@needs_rerun
+def test_stop_leaves_no_process(fake: FakeMonitor) -> None:
+    """The web page answers on loopback; after stop neither the view nor Rerun's server run."""
+    view = start_view(fake.endpoint, "web")
+    assert view.url.startswith("http://127.0.0.1:")
+    with urllib.request.urlopen(view.url, timeout=PATIENCE) as page:  # noqa: S310
+        assert page.status == 200
+    servers = children(view.pid)
+    assert len(servers) == 1
+    assert all(address.startswith("127.0.0.1:") for address in listening(servers[0]))
+    view.stop()
+    assert not view.alive()
+    assert all(gone(pid) for pid in servers)
+    view.stop()
+
+
+def listening(pid: int) -> list[str]:
+    """Addresses that a process listens at."""
+    listens = [c for c in psutil.Process(pid).net_connections("tcp") if c.status == psutil.CONN_LISTEN]
+    assert listens
+    return [f"{c.laddr.ip}:{c.laddr.port}" for c in listens]
+
+
+@needs_rerun
+@pytest.mark.parametrize("how", ["killed", "server stalled", "server killed"])
+def test_whatever_dies_takes_the_rest_along(fake: FakeMonitor, how: str) -> None:
+    view = start_view(fake.endpoint, "web")
+    assert view.url
+    server = children(view.pid)[0]
+    if how == "killed":
+        os.kill(view.pid, signal.SIGKILL)
+    elif how == "server stalled":
+        os.kill(server, signal.SIGSTOP)
+        fake.tell(fake.loops[0])
+        view.stop()
+    else:
+        os.kill(server, signal.SIGKILL)
+    until(lambda: not view.alive() and gone(server))
+    fake.tell(fake.loops[0])
+    view.stop()
+
+
+@needs_rerun
+def test_view_ends_with_its_parent(fake: FakeMonitor) -> None:
+    """Even when the parent is killed."""
+    code = (
+        "import sys, time; from monitor.view.process import start_view\n"
+        f"v = start_view({fake.endpoint!r}, 'web'); print(v.pid, v.url, flush=True); time.sleep(60)"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
+    pid, url = parent.stdout.readline().split()
+    assert url.startswith("http://127.0.0.1:")
+    servers = children(int(pid))
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    until(lambda: gone(int(pid)) and all(gone(s) for s in servers))
+
+
+def command(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the command by itself."""
+    line = [sys.executable, "-m", "monitor.view.process", *arguments]
+    return subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, check=False)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "",
+        "missing.rrd",
+        "pyproject.toml",
+        "pyproject.toml --event x",
+        "--event a/**",
+        "--connect nonsense",
+        "--connect tcp/127.0.0.1:1 --view none",
+        "--connect tcp/127.0.0.1:1 --save /nowhere/x.rrd",
+        "--view hologram",
+    ],
+)
+def test_wrong_use_is_one_line_and_exit_2(
+    arguments: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    assert run(arguments.split()) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+
+
+def test_no_monitor_is_one_line(tmp_path: Path) -> None:
+    port = rerun_process.free_ports(1)[0]
+    done = command("--connect", f"tcp/127.0.0.1:{port}", "--view", "none", "--save", str(tmp_path / "x.rrd"))
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert f"127.0.0.1:{port}" in done.stderr
+
+
+def test_help_is_light() -> None:
+    """``--help`` has an example and loads none of the heavy libraries."""
+    heavy = "rerun", "zenoh", "pyarrow", "numpy"
+    code = f"import sys, monitor.view; print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+    assert "Example: loopsight view" in command("--help").stdout
+
+
+@needs_rerun
+def test_recording_is_served(tmp_path: Path, loop: Loop) -> None:
+    """``loopsight view FILE.rrd`` opens on loopback and ends on SIGINT with exit 0."""
+    recording = rerun_picture.open_recording(None, tmp_path / "a.rrd")
+    rerun_picture.Picture(recording).window(decode_window(window_payload(loop)))
+    rerun_picture.close_recording(recording)
+    line = [sys.executable, "-m", "monitor.view.process", str(tmp_path / "a.rrd")]
+    process = subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    view = ViewProcess(process)
+    try:
+        with urllib.request.urlopen(view.url, timeout=PATIENCE) as page:  # noqa: S310
+            assert page.status == 200
+    finally:
+        process.send_signal(signal.SIGINT)
+    assert process.wait(PATIENCE) == 0
+    view.stop()
+
+
+def test_telemetry_is_off() -> None:
+    """Rerun's program is told so, for this child alone; the browser may talk to this machine only."""
+    server = rerun_process.serve_web()
+    try:
+        with urllib.request.urlopen(server.url, timeout=PATIENCE) as page:  # noqa: S310
+            rules = page.headers["Content-Security-Policy"]
+        assert "default-src 'self'" in rules
+        sources = [word for rule in rules.split(";") for word in rule.split()[1:] if "//" in word]
+        assert sources == [server.proxy.removeprefix("rerun+").removesuffix("/proxy")]
+        posing = urllib.request.Request(server.url, headers={"Host": "evil.example"})  # noqa: S310
+        with pytest.raises(urllib.error.HTTPError, match="403") as refused:
+            urllib.request.urlopen(posing, timeout=PATIENCE)  # noqa: S310
+        refused.value.close()
+        facts = msgspec.json.decode((Path(server._settings.name) / "rerun" / "analytics.json").read_bytes())
+        assert facts["analytics_enabled"] is False
+    finally:
+        server.stop()
+
+
+def test_picture_is_drawn(tmp_path: Path, fake: FakeMonitor) -> None:
+    """Rerun's own viewer shows the curves: their colours are on the screen."""
+    if why := screenshot_view.missing():
+        pytest.skip(why)
+    from PIL import Image  # noqa: PLC0415 - comes with rerun
+
+    colours = (
+        rerun_picture.PV_COLOUR,
+        rerun_picture.OP_COLOUR,
+        rerun_picture.ONSET_COLOUR,
+        rerun_picture.MODEL_COLOUR,
+    )
+    png = tmp_path / "v.png"
+
+    def all_drawn() -> bool:
+        save(png)
+        with Image.open(png) as picture:
+            pixels = np.asarray(picture.convert("RGB"), dtype=int).reshape(-1, 3)
+        return all((np.abs(pixels - np.array(c)).max(axis=1) < 40).sum() > 30 for c in colours)
+
+    view = start_view(fake.endpoint, "web")
+    try:
+        assert view.url
+        with screenshot_view.headless(view.url, "900x600") as save:
+            until(all_drawn)
+    finally:
+        view.stop()

@@ -1,0 +1,1 @@
+"""What several tests share: where things lie, waiting, plants, buses, naive twins."""

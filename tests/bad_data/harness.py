@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -21,14 +20,14 @@ import pandas as pd
 import pyarrow as pa
 
 from monitor.adapters.store import Store
-from monitor.adapters.zenoh_bus import Ring
 from monitor.audit.run import run_audit
-from monitor.contract.entries import Message
 from monitor.contract.loop_fields import parse_row
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment, Event, LoopRow
 from monitor.service.config import Config
 from monitor.service.service import Service
+from tests.support.bus import FakeBus
+from tests.support.plants import pi_loop
 
 START = 1_767_225_600
 """2026-01-01 [s]."""
@@ -70,19 +69,11 @@ def simulated(
     high: float = np.inf,
 ) -> pd.DataFrame:
     """A level under PI control, sampled once a ``period`` [s]; ``load`` adds to OP, whose limits are ``low, high``."""
-    rng = np.random.default_rng(seed)
     n = len(sp)
-    pv, op = np.empty(n), np.empty(n)
-    load = np.zeros(n) if load is None else load
-    level, integral = float(sp[0]), 0.0
-    for k in range(n):
-        level += gain * period * (op[k - dead] - 40.0 + load[k - dead]) if k >= dead else 0.0
-        pv[k] = level + noise * rng.normal()
-        e = sp[k] - pv[k]
-        free = 40.0 + kp * (e + integral + e * period / ti)
-        op[k] = min(max(free, low), high)
-        if op[k] == free:  # no wind-up
-            integral += e * period / ti
+    pv, op = pi_loop(
+        np.asarray(sp, float), kp=kp, ti=ti, gain=gain, dead=dead - 1, noise=noise, seed=seed, op0=40.0,
+        period=period, low=low, high=high, load=(lambda _: 0.0) if load is None else load.__getitem__,
+    )  # fmt: skip
     time = START * SECOND + np.round(np.arange(n) * period * SECOND).astype(np.int64)
     return pd.DataFrame({"loop": name, "time": time, "sp": sp, "pv": pv, "op": op})
 
@@ -210,24 +201,6 @@ def audit(
 
 # ---------------------------------------------------------------------------------------------------
 # the live path
-
-
-class FakeBus:
-    """A ring to fill; all that was said, in order."""
-
-    def __init__(self) -> None:
-        self.ring = Ring()
-        self.questions: deque[Any] = deque()
-        self.said: list[tuple[str, bytes, str]] = []
-        self.unsaid = 0
-
-    def say(self, key: str, payload: bytes, encoding: str) -> None:
-        """Note what is published."""
-        self.said.append((key, payload, encoding))
-
-    def put(self, key: str, payload: bytes, time: int) -> None:
-        """Let a message come in that was sent at this time [ns]."""
-        self.ring.put(Message(key, payload, time))
 
 
 class Live:

@@ -24,7 +24,6 @@ from tests.bad_data.harness import (
     SECOND,
     SETTINGS,
     START,
-    FakeBus,
     Live,
     Outcome,
     both,
@@ -34,6 +33,7 @@ from tests.bad_data.harness import (
     messages,
     same,
 )
+from tests.support.bus import FakeBus
 
 N = 700
 
@@ -264,7 +264,7 @@ def month(folder: Path, loops: int, stepping: int, minutes: int, days: int = 30)
     """
     plant = Plant(loops, stepping)
     monitor = Live(folder, plant.table)
-    monitor.bus = monitor.service.bus = Forgetful()
+    monitor.bus = monitor.service.bus = FakeBus(keep=False)
     monitor.service._heard = None  # the harness keeps all that it hears
     seen, memory, ticks = 0, [], []
     begun: tuple[int, int] | None = None
@@ -309,13 +309,6 @@ def month(folder: Path, loops: int, stepping: int, minutes: int, days: int = 30)
         "samples": seen, "assessed": found, "MB": memory[-1] / 1e6, "MB a day": slope,
         "tick_p99": float(np.quantile(ticks, 0.99)), "tick_most": max(ticks),
     }  # fmt: skip
-
-
-class Forgetful(FakeBus):
-    """A bus that keeps nothing of what was said."""
-
-    def say(self, *_: object) -> None:
-        """Forget it."""
 
 
 def test_a_month(tmp_path: Path) -> None:

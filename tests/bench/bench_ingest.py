@@ -33,6 +33,7 @@ from monitor.service.service import Service, warm_up
 from monitor.wire.decode import Decoder, _Sample
 from sim_plants.loops import Block
 from sim_plants.payloads import encode_frame, encode_sample, iso_times, name_array
+from tests.support.bus import FakeBus
 from tests.support.places import ROOT
 from tests.support.waiting import free_port
 
@@ -240,18 +241,6 @@ def over_zenoh(kind: str, loops: int, seconds: int) -> float:
     return ratio
 
 
-class _Deaf:
-    """A bus without a network."""
-
-    def __init__(self) -> None:
-        self.ring = Ring()
-        self.questions: Any = []
-        self.unsaid = 0
-
-    def say(self, *_: Any) -> None:
-        """Forget it."""
-
-
 class _Forgetful:
     """A store without a disk."""
 
@@ -269,7 +258,7 @@ def ticks(loops: int, seconds: int) -> float:
     from monitor.service.config import Config  # noqa: PLC0415
 
     table = LoopTable([Loop(name=f"L{k}", kp=1.0, ti=10.0) for k in range(loops)])
-    bus: Any = _Deaf()
+    bus: Any = FakeBus(keep=False)
     store: Any = _Forgetful()
     now = [0.0]
     service = Service(Config(loops="x"), table, bus, store, clock=lambda: START * 2, monotonic=lambda: now[0])

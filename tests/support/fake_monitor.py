@@ -6,7 +6,6 @@ Run by itself it serves as a partner for ``loopsight view``: ``python -m tests.s
 from __future__ import annotations
 
 import json
-import math
 import sys
 import time
 from dataclasses import dataclass, field
@@ -18,6 +17,8 @@ import numpy as np
 import pyarrow as pa
 import zenoh
 from numpy.typing import NDArray
+
+from tests.support.plants import pi_loop
 
 Floats = NDArray[np.float64]
 EPOCH = int(datetime(2026, 3, 2, 8, 0, tzinfo=UTC).timestamp())
@@ -77,24 +78,19 @@ def simulate(
     noise: float,
     onset: int,
 ) -> dict[str, Any]:
-    """Step through the closed loop a second at a time; ``model`` is the response without noise."""
-    rng = np.random.default_rng(1)
-    sp, load = np.full(length, sp0), np.zeros(length)
-    (sp if kind == "setpoint" else load)[onset:] += amplitude
-    pv, op, clean, inputs = (np.zeros(length + delay) for _ in range(4))
-    y = x = integral = 0.0
-    for i in range(length):
-        clean[i] = sp0 + y
-        pv[i] = clean[i] + noise * rng.standard_normal()
-        e = sp[i] - pv[i]
-        integral += kp / ti * e
-        op[i] = min(100.0, max(0.0, op0 + kp * e + integral))
-        inputs[i + delay] = op[i] - op0
-        v = inputs[i] + load[i]
-        x += (v - x) * (1.0 - math.exp(-1.0 / lag)) if lag else v - x
-        y += gain * x
+    """The closed loop, a second a sample; ``model`` is the response without noise."""
+    sp, size = np.full(length, sp0), amplitude if kind == "load" else 0.0
+    if kind == "setpoint":
+        sp[onset:] += amplitude
+
+    def run(noise: float) -> tuple[Floats, Floats]:
+        return pi_loop(
+            sp, kp=kp, ti=ti, gain=gain, dead=delay, lag=lag, noise=noise, seed=1, op0=op0, low=0.0, high=100.0,
+            load=lambda k: size if k >= onset else 0.0,
+        )  # fmt: skip
+
+    (pv, op), (clean, _) = run(noise), run(0.0)
     time_ns = (EPOCH + np.arange(length, dtype=np.int64)) * 1_000_000_000
-    pv, op, clean = pv[:length], op[:length], clean[:length]
     return {"time": time_ns, "sp": sp, "pv": pv, "op": op, "model": clean}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -35,24 +36,35 @@ def pi_loop(
     noise: float = 0.0,
     seed: int = 0,
     op0: float = 50.0,
+    lag: float = 0.0,
+    period: float = 1.0,
+    low: float = -math.inf,
+    high: float = math.inf,
     disturb: Callable[[int, float], float] = lambda _k, pv: pv,
     load: Callable[[int], float] = lambda _k: 0.0,
 ) -> tuple[Array, Array]:
-    """PV and OP of an integrator with ``dead`` samples of dead time under PI, 1 s a sample, starting at rest.
+    """PV and OP of an integrating process under PI, a ``period`` [s] a sample, starting at rest.
 
-    ``disturb`` is done to PV as the controller sees it, ``load`` [OP] is added to what goes into the process.
+    ``gain`` [PV/(OP s)], ``lag`` [s], ``dead`` samples of dead time and the one of the sampling. ``disturb`` is done
+    to PV as the controller sees it, ``load`` [OP] is added to what goes into the process. OP stays between ``low``
+    and ``high``; the integral stands still while it is at a limit.
     """
     rng = np.random.default_rng(seed)
-    y = integral = 0.0
+    y = x = integral = 0.0
+    share = -math.expm1(-period / lag) if lag else 1.0
     past = [0.0] * (dead + 1)
     pv, op = np.empty(len(sp)), np.empty(len(sp))
     for k in range(len(sp)):
         pv[k] = disturb(k, sp[0] + y + noise * rng.normal())
         e = sp[k] - pv[k]
-        integral += kp / ti * e
-        op[k] = op0 + kp * e + integral
+        more = integral + kp / ti * e * period
+        wish = op0 + kp * e + more
+        op[k] = min(max(wish, low), high)
+        if op[k] == wish:
+            integral = more
         past.append(op[k] - op0 + load(k))
-        y += gain * past[-dead - 1]
+        x = past[-dead - 1] if lag == 0 else x + share * (past[-dead - 1] - x)
+        y += gain * period * x
     return pv, op
 
 

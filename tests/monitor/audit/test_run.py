@@ -25,6 +25,7 @@ from monitor.cli.audit import audit as audit_command
 from monitor.contract.records import Assessment, LoopRow
 from monitor.contract.text import visible
 from tests.support.places import SHARED
+from tests.support.plants import pi_loop
 
 DATA = SHARED / "data"
 FILES = ("events.parquet", "loops.parquet", "loops.csv", "audit.json")
@@ -37,16 +38,8 @@ needs_data = pytest.mark.skipif(
 
 def step_test(name: str, n: int = 900, seed: int = 0) -> pd.DataFrame:
     """A level under PI, 1 s samples, its set point stepped at 300 s and back at 600 s."""
-    rng = np.random.default_rng(seed)
     sp = np.where((np.arange(n) >= 300) & (np.arange(n) < 600), 55.0, 50.0)
-    pv, op = np.full(n, 50.0), np.full(n, 40.0)
-    integral, level = 0.0, 50.0
-    for k in range(1, n):
-        level += 0.01 * (op[max(k - 3, 0)] - 40.0)
-        pv[k] = level + rng.normal(0, 0.02)
-        e = sp[k] - pv[k]
-        integral += e / 40.0
-        op[k] = 40.0 + 8.0 * (e + integral)
+    pv, op = pi_loop(sp, kp=8.0, ti=40.0, gain=0.01, dead=2, noise=0.02, seed=seed, op0=40.0)
     return pd.DataFrame({"loop": name, "time": START + 10**9 * np.arange(n), "sp": sp, "pv": pv, "op": op})
 
 

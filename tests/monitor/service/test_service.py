@@ -6,7 +6,6 @@ import json
 import logging
 import math
 import sqlite3
-from collections import deque
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -20,8 +19,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from monitor.adapters.store import Store, StoreError
-from monitor.adapters.zenoh_bus import Ring, _parameters
-from monitor.contract.entries import Message
 from monitor.contract.loop_fields import parse_row
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment, LoopRow, Suggestion
@@ -33,64 +30,13 @@ from sim_plants.loops import Simulation
 from sim_plants.publish import Publisher
 from sim_plants.scenarios import SCENARIOS
 from sim_plants.truth import loop_table
+from tests.support.bus import FakeBus, Question
 
 START = 1_767_225_600
+SENT = START * 10**9
+"""When all messages were sent [ns]."""
 SECONDS = 1500
 LATER = (START + 100_000) * 10**9
-
-
-class Question:
-    """A query: a key expression matched the simple way (`*` a chunk, `**` any), verbatim chunks apart."""
-
-    def __init__(self, key: str, parameters: str = "") -> None:
-        self.key = key
-        self.parameters = _parameters(parameters)
-        self.payload = b""
-        self.replies: list[tuple[str, bytes, str]] | None = None
-        self.error: str | None = None
-
-    def matches(self, key: str) -> bool:
-        return _matches(self.key.split("/"), key.split("/"))
-
-    def answer(self, replies: Any) -> None:
-        assert all(self.matches(key) for key, _, _ in replies)
-        self.replies = list(replies)
-
-    def refuse(self, why: str) -> None:
-        self.error = why
-
-
-def _matches(wanted: list[str], key: list[str]) -> bool:
-    if not wanted or not key:
-        return all(chunk == "**" for chunk in [*wanted, *key])
-    if wanted[0] == "**":
-        return _matches(wanted[1:], key) or (key[0][:1] != "@" and _matches(wanted, key[1:]))
-    if key[0] == "**":
-        return _matches(wanted, key[1:]) or (wanted[0][:1] != "@" and _matches(wanted[1:], key))
-    same = wanted[0] == key[0] or ("*" in (wanted[0], key[0]) and "@" not in (wanted[0][:1], key[0][:1]))
-    return same and _matches(wanted[1:], key[1:])
-
-
-class FakeBus:
-    """A ring to fill, questions to ask, and all that was said, in order."""
-
-    def __init__(self) -> None:
-        self.ring = Ring()
-        self.questions: deque[Any] = deque()
-        self.said: list[tuple[str, bytes, str]] = []
-        self.on_say: Any = None
-        self.unsaid = 0
-
-    def say(self, key: str, payload: bytes, encoding: str) -> None:
-        if self.on_say is not None:
-            self.on_say(key, payload)
-        self.said.append((key, payload, encoding))
-
-    def put(self, key: str, payload: bytes, time: int = START * 10**9) -> None:
-        self.ring.put(Message(key, payload, time))
-
-    def kinds(self, last: str) -> list[dict[str, Any]]:
-        return [json.loads(p) for k, p, _ in self.said if k.rpartition("/")[2] == last and "/@/" not in k]
 
 
 class Broken(Store):
@@ -226,7 +172,7 @@ def test_live_equals_batch(plant, bench, payload, seed, pieces):
         )
     for part in np.split(np.arange(len(messages)), np.sort(rng.integers(0, len(messages), pieces))):
         for k in part:
-            b.bus.put(*messages[k])
+            b.bus.put(*messages[k], SENT)
         b.tick(0.01)
     b.service.finish()
     status = b.service.status()
@@ -241,7 +187,7 @@ def test_what_is_said_is_what_is_kept_and_all_under_the_prefix(plant, bench):
     loops, block, expected = plant
     b = bench(demo_table(loops))
     for k, message in enumerate(messages_of(loops, block, "frame")):
-        b.bus.put(*message)
+        b.bus.put(*message, SENT)
         if k % 20 == 0:
             b.tick(1.0)
     b.service.finish()
@@ -289,7 +235,7 @@ def one_loop() -> LoopTable:
 
 def feed(b: Bench, messages: Any, seconds: float = 0.0) -> None:
     for key, payload in messages:
-        b.bus.put(key, payload)
+        b.bus.put(key, payload, SENT)
     b.tick(seconds)
 
 
@@ -321,7 +267,7 @@ def test_a_store_that_fails_holds_back_and_loses_nothing(bench, caplog):
     b.store.failing = True
     with caplog.at_level(logging.INFO, "loopsight"):
         for k, message in enumerate(a_step()):
-            b.bus.put(*message)
+            b.bus.put(*message, SENT)
             if k % 10 == 0:
                 b.tick(0.05)
         assert len(b.assessments) == 1
@@ -712,7 +658,7 @@ def test_a_backlog_is_worked_off_in_pieces_without_loss(bench):
     b = bench(one_loop())
     blank = b" " * 100_000
     for key, payload in a_step():
-        b.bus.put(key, payload + blank)
+        b.bus.put(key, payload + blank, SENT)
     b.tick()
     assert 0 < len(b.bus.ring) < 400
     while len(b.bus.ring):
@@ -733,11 +679,13 @@ def test_finish_ends_under_a_publisher_that_never_pauses(bench):
     def take_and_refill(*args: Any) -> Any:
         taken = take(*args)
         for _ in range(5):
-            b.bus.put("plant/M", json.dumps({"t": START + next(more), "sp": 1, "pv": 1, "op": 1}).encode())
+            b.bus.put(
+                "plant/M", json.dumps({"t": START + next(more), "sp": 1, "pv": 1, "op": 1}).encode(), SENT
+            )
         return taken
 
     for message in step[100:260]:
-        b.bus.put(*message)
+        b.bus.put(*message, SENT)
     b.bus.ring.take = take_and_refill
     b.service.finish()
     assert [r["state"] for r in b.bus.kinds("event")][-1] in {"settled", "interrupted"}
@@ -750,7 +698,7 @@ def test_finish_ends_in_an_upset(bench):
     b = bench(LoopTable([Loop(name=n, kp=1.0, ti=10.0) for n in names]))
     for _, payload in a_step(210):
         for name in names:
-            b.bus.put(f"plant/{name}", payload)
+            b.bus.put(f"plant/{name}", payload, SENT)
     b.tick()
     while len(b.bus.ring):
         b.tick()

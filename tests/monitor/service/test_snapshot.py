@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -12,32 +11,15 @@ import numpy as np
 import pytest
 
 from monitor.adapters.store import Store
-from monitor.adapters.zenoh_bus import Ring
-from monitor.contract.entries import Message
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment
 from monitor.service.config import Config
 from monitor.service.service import Service
 from monitor.service.snapshot import MOST, read, take, write
+from tests.support.bus import FakeBus
 
 START = 1_767_225_600
 N = 700
-
-
-class Bus:
-    """A ring to fill; what was said."""
-
-    def __init__(self) -> None:
-        self.ring = Ring()
-        self.questions: deque[Any] = deque()
-        self.said: list[tuple[str, bytes]] = []
-        self.unsaid = 0
-
-    def say(self, key: str, payload: bytes, _: str) -> None:
-        self.said.append((key, payload))
-
-    def kinds(self, last: str) -> list[dict[str, Any]]:
-        return [json.loads(p) for k, p in self.said if k.rpartition("/")[2] == last and "/@/" not in k]
 
 
 class Run:
@@ -45,7 +27,7 @@ class Run:
 
     def __init__(self, folder: Path, names: tuple[str, ...] = ("L",), **config: Any) -> None:
         self.folder, self.now = folder, START * 10**9
-        self.bus, self.store = Bus(), Store(folder)
+        self.bus, self.store = FakeBus(), Store(folder)
         self.heard: list[Any] = []
         self.loops = LoopTable([Loop(name=n, kp=1.0, ti=20.0, period=1.0) for n in names])
         self.service = Service(
@@ -61,7 +43,7 @@ class Run:
             for name in names:
                 sp, pv = (1.0 if k >= 200 else 0.0), float(np.clip((k - 200) / 30, 0.0, 1.0))
                 sample = {"t": START + k, "sp": sp, "pv": pv, "op": sp - pv}
-                self.bus.ring.put(Message(f"plant/{name}", json.dumps(sample).encode(), self.now))
+                self.bus.put(f"plant/{name}", json.dumps(sample).encode(), self.now)
             self.service.tick()
 
     def kill(self) -> None:

@@ -75,6 +75,9 @@ class Store:
     def _open(self) -> None:
         try:
             self._db = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
+        except (sqlite3.Error, OSError) as error:
+            raise StoreError(f"{self.path}: {error}") from None
+        try:
             self._db.execute("PRAGMA journal_mode=WAL")
             self._db.execute("PRAGMA synchronous=FULL")
             found = self._db.execute("PRAGMA user_version").fetchone()[0]
@@ -82,6 +85,7 @@ class Store:
                 self._db.executescript(SCHEMA)
                 self._db.execute(f"PRAGMA user_version={VERSION}")
         except (sqlite3.Error, OSError) as error:
+            self._db.close()
             raise StoreError(f"{self.path}: {error}") from None
         if found not in {0, VERSION}:
             self._db.close()

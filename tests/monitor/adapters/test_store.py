@@ -7,6 +7,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 
 import pytest
 
@@ -84,12 +85,11 @@ def test_all_or_nothing(store):
 
 def test_a_lock_is_an_error_soon_and_goes(store, tmp_path):
     """Another connection's transaction: refused within a second, then fine."""
-    other = sqlite3.connect(tmp_path / "loopsight.sqlite", isolation_level=None)
-    other.execute("BEGIN IMMEDIATE")
-    with pytest.raises(StoreError, match="locked"), store.transaction():
-        pass
-    other.execute("COMMIT")
-    other.close()
+    with closing(sqlite3.connect(tmp_path / "loopsight.sqlite", isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(StoreError, match="locked"), store.transaction():
+            pass
+        other.execute("COMMIT")
     keep(store, 1)
 
 
@@ -118,9 +118,8 @@ def test_files_that_are_none(tmp_path):
     with pytest.raises(StoreError, match=r"a.loopsight.sqlite: file is not a database"):
         Store(folder)
     Store(tmp_path / "b").close()
-    with sqlite3.connect(tmp_path / "b" / "loopsight.sqlite") as db:
+    with closing(sqlite3.connect(tmp_path / "b" / "loopsight.sqlite")) as db:
         db.execute(f"PRAGMA user_version={VERSION + 1}")
-    db.close()
     with pytest.raises(StoreError) as error:
         Store(tmp_path / "b")
     assert str(error.value).count("loopsight.sqlite") == 1

@@ -527,12 +527,10 @@ def test_a_long_lag_is_no_reason_for_doubt():
     """Where a self-regulating process would be tuned as an integrating one, and explains no more, it is called that."""
     one = make_fit(log_likelihood=100.0)
     slow = make_fit(process=SELF_REGULATING, lag=40.0, log_likelihood=103.0)
+    likelier = replace(slow, log_likelihood=107.0)
     assert decide([one, slow], 1e9) == (one, True)
     assert decide([one, replace(slow, lag=20.0)], 1e9)[1] is False
-    assert decide([one, replace(slow, log_likelihood=107.0)], 1e9) == (
-        replace(slow, log_likelihood=107.0),
-        True,
-    )
+    assert decide([one, likelier], 1e9) == (likelier, True)
 
 
 def test_likelihoods_are_compared_over_the_points_of_the_poorer_one():

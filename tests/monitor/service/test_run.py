@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -188,9 +189,8 @@ def client(endpoint):
 
 
 def kept(state: Path) -> dict[str, dict[str, Any]]:
-    with sqlite3.connect(f"file:{state}/loopsight.sqlite?mode=ro", uri=True) as db:
+    with closing(sqlite3.connect(f"file:{state}/loopsight.sqlite?mode=ro", uri=True)) as db:
         rows = db.execute("SELECT id, json FROM assessment").fetchall()
-    db.close()
     return {i: json.loads(j) for i, j in rows}
 
 

@@ -6,7 +6,7 @@ import json
 import logging
 import math
 import sqlite3
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -247,13 +247,12 @@ def test_stored_before_said(bench):
     def look(key: str, payload: bytes) -> None:
         if key.endswith("/assessment"):
             identity = json.loads(payload)["id"]
-            with sqlite3.connect(f"file:{b.store.path}?mode=ro", uri=True) as other:
+            with closing(sqlite3.connect(f"file:{b.store.path}?mode=ro", uri=True)) as other:
                 seen.extend(
                     other.execute(
                         "SELECT json = ? FROM assessment WHERE id = ?", (payload, identity)
                     ).fetchall()
                 )
-            other.close()
 
     b.bus.on_say = look
     feed(b, a_step())
@@ -300,14 +299,13 @@ def test_a_store_that_fails_for_ever_is_bounded(bench, monkeypatch):
 def test_a_locked_store_neither_stalls_nor_stops(bench):
     """Somebody else's transaction on the file: the tick goes on within a second, and recovers."""
     b = bench(one_loop())
-    other = sqlite3.connect(b.store.path, isolation_level=None)
-    other.execute("BEGIN IMMEDIATE")
-    feed(b, a_step())
-    b.tick()
-    assert not b.service.ready
-    assert b.service.status()["not_ready"] == ["store"]
-    other.execute("ROLLBACK")
-    other.close()
+    with closing(sqlite3.connect(b.store.path, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        feed(b, a_step())
+        b.tick()
+        assert not b.service.ready
+        assert b.service.status()["not_ready"] == ["store"]
+        other.execute("ROLLBACK")
     b.tick(2.0)
     assert b.service.ready
     assert len(b.bus.kinds("assessment")) == 1

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.contract.loops import Loop, parse_row
+from monitor.contract.loop_fields import parse_row
+from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from sim_plants.loops import Block
 from sim_plants.specs import LoopSpec

@@ -5,7 +5,7 @@ python examples/audit_in_ten_lines.py export/data.parquet export/loops.csv audit
 
 import sys
 
-from monitor.audit.run import run_audit
+from monitor import run_audit
 
 if __name__ == "__main__":  # more jobs start this file again
     export, loops, out = sys.argv[1:]

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.places import ROOT
 from tuners.rules import RULES
 
-ROOT = Path(__file__).resolve().parent.parent
 FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import socket
 import subprocess
 import sys
 import threading
@@ -16,8 +15,10 @@ from monitor.contract.loops import Loop, LoopTable
 from monitor.wire.decode import Decoder
 from sim_plants.export import write_export
 from sim_plants.scenarios import SCENARIOS
+from tests.support.places import ROOT
+from tests.support.waiting import free_port
 
-EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
+EXAMPLES = ROOT / "examples"
 KNOWN = {
     "audit_in_ten_lines.py",
     "engine_on_dataframe.py",
@@ -83,9 +84,7 @@ def test_tuning_rule_on_model(tmp_path):
 
 def test_gateway_publisher():
     """A monitor's decoder reads every sample of what arrives on loopback."""
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{s.getsockname()[1]}"
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
     module = loaded("gateway_publisher.py")
     heard: list[Message] = []
     enough = threading.Event()

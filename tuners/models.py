@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 FloatOrArray = float | Array
 
+INTEGRATING, SELF_REGULATING = "integrating", "self-regulating"
+"""Words for the kinds of process, in every table and option."""
 CLOSE = 1.6 - 1e-9  # "below 1.6"; example E2 of Skogestad 2003 has 0.08/0.05, which must not count as below
 
 
@@ -68,7 +70,7 @@ class IntegratingModel:
     @property
     def process(self) -> str:
         """The word that tables use for this kind of process."""
-        return "integrating"
+        return INTEGRATING
 
     @property
     def t0(self) -> FloatOrArray:
@@ -134,7 +136,7 @@ class SelfRegulatingModel:
     @property
     def process(self) -> str:
         """The word that tables use for this kind of process."""
-        return "self-regulating"
+        return SELF_REGULATING
 
     @property
     def t0(self) -> FloatOrArray:
@@ -212,7 +214,7 @@ class Plant:
     @property
     def process(self) -> str:
         """The word that tables use for this kind of process."""
-        return "integrating" if self.integrating else "self-regulating"
+        return INTEGRATING if self.integrating else SELF_REGULATING
 
     @property
     def t0(self) -> FloatOrArray:
@@ -247,7 +249,7 @@ def half_rule(
     order: int = 2,
     zeros: Sequence[float] = (),
     *,
-    process: str = "integrating",
+    process: str = INTEGRATING,
 ) -> tuple[float, Any]:
     """Reduce a chain of lags to a model of first or second order (Skogestad 2003, SIMC, half rule).
 
@@ -283,7 +285,7 @@ def half_rule(
     theta, kept, factor = _reduce(lags, dead_time, order, zeros, process)
     if factor != 1:
         raise ValueError(f"zeros = {tuple(zeros)}: they change the gain by {factor:g}; use reduced_model")
-    if process == "integrating":
+    if process == INTEGRATING:
         return theta, kept[0] if kept else 0.0
     return theta, kept[0] if order == 1 else (kept[0], kept[1])
 
@@ -295,11 +297,11 @@ def reduced_model(
     order: int = 2,
     zeros: Sequence[float] = (),
     *,
-    process: str = "integrating",
+    process: str = INTEGRATING,
 ) -> Model:
     """Model of the given order for a chain of lags and zeros; parameters and errors as in `half_rule`."""
     theta, kept, factor = _reduce(lags, dead_time, order, zeros, process)
-    kind = IntegratingModel if process == "integrating" else SelfRegulatingModel
+    kind = IntegratingModel if process == INTEGRATING else SelfRegulatingModel
     return kind(gain * factor, theta, *kept)
 
 
@@ -307,13 +309,13 @@ def _reduce(
     lags: Sequence[float], dead_time: float, order: int, zeros: Sequence[float], process: str
 ) -> tuple[float, list[float], float]:
     """Return effective dead time [s], retained lags [s] and the factor on the gain."""
-    if process not in {"integrating", "self-regulating"}:
+    if process not in {INTEGRATING, SELF_REGULATING}:
         raise ValueError(f"process = {process!r}: must be 'integrating' or 'self-regulating'")
     if order not in {1, 2}:
         raise ValueError(f"order = {order}: must be 1 or 2")
     if dead_time < 0 or any(lag < 0 for lag in lags):
         raise ValueError(f"lags = {tuple(lags)}, dead_time = {dead_time}: must be 0 or more [s]")
-    keep = order - (process == "integrating")
+    keep = order - (process == INTEGRATING)
     dead_time += sum(-zero for zero in zeros if zero < 0)
     leads = sorted((zero for zero in zeros if zero > 0), reverse=True)
     # The rules for zeros ask for the final dead time: guess it, then iterate (Skogestad 2003).

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.assess.reference import held
-from monitor.identify.fit import INTEGRATING, Array, Fit, Valley
-from tuners.models import IntegratingModel, Model, SelfRegulatingModel
+from monitor.identify.fit import Array, Fit, Valley
+from tuners.models import INTEGRATING, IntegratingModel, Model, SelfRegulatingModel
 from tuners.settings import Settings
 
 from .worst_case import first_safe, worst_distance

@@ -15,9 +15,10 @@ from monitor.contract.loops import Loop
 from monitor.contract.records import INCONCLUSIVE, Assessment, event_id
 from monitor.detect.state import LOAD_STEP, STATES
 from monitor.identify.direct import fit_kinds
-from monitor.identify.fit import INTEGRATING, SELF_REGULATING, Array, Fit, contradictory, decide
+from monitor.identify.fit import Array, Fit, contradictory, decide
 from monitor.identify.indirect import REPRODUCES, indirect_fit, reproduces
 from monitor.identify.outliers import without_wild
+from tuners.models import INTEGRATING, SELF_REGULATING
 
 from .evidence import (
     MANY_UNCERTAIN,

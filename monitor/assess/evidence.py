@@ -9,9 +9,10 @@ import numpy as np
 
 from monitor.contract.loops import Loop, lives_with_offset
 from monitor.detect.state import CAUSES, INTERRUPTED, LOAD_STEP, SETPOINT_STEP, SETTLED, STATES
-from monitor.identify.fit import INTEGRATING, SELF_REGULATING, Array, Fit
+from monitor.identify.fit import Array, Fit
 from monitor.identify.integrals import setpoint_integrals
 from monitor.identify.uncertainty import correlation_time
+from tuners.models import INTEGRATING, SELF_REGULATING
 
 LEAST_COVERAGE = 0.8
 """Share of an event's time that must be covered by good samples."""

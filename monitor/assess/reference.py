@@ -10,8 +10,8 @@ import math
 from dataclasses import replace
 
 from monitor.contract.loops import Loop
-from monitor.identify.fit import INTEGRATING, Fit
-from tuners.models import FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
+from monitor.identify.fit import Fit
+from tuners.models import INTEGRATING, FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
 from tuners.responses import step_figures
 from tuners.settings import Settings
 from tuners.simc import simc_pd, simc_pi, simc_pid

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from tuners.models import INTEGRATING, SELF_REGULATING
+
+GAIN_UNITS = {INTEGRATING: "PV/(OP s)", SELF_REGULATING: "PV/OP"}
+"""By kind of process."""
+
 
 class Meaning(NamedTuple):
     """Unit of a figure, what it says, and what to do when it is conspicuous."""

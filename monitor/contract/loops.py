@@ -8,10 +8,11 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import msgspec
 
+from tuners.models import INTEGRATING, SELF_REGULATING
 from tuners.settings import FORMS
 
 NAME_BYTES = 200
-PROCESSES = ("auto", "integrating", "self-regulating")
+PROCESSES = ("auto", INTEGRATING, SELF_REGULATING)
 OBJECTIVES = ("both", "setpoint", "load", "averaging")
 CONTROLLERS = ("p", "pi", "pd", "pid")
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .samples import GOOD, UNCERTAIN
+from .samples import QUALITY_GOOD, QUALITY_UNCERTAIN
 
-BAD = 0
+QUALITY_BAD = 0
 WORDS = (
-    ("good", GOOD),
-    ("uncertain", UNCERTAIN),
-    ("questionable", UNCERTAIN),
-    ("substituted", UNCERTAIN),
-    ("true", GOOD),
-    ("false", BAD),
-    ("bad", BAD),
+    ("good", QUALITY_GOOD),
+    ("uncertain", QUALITY_UNCERTAIN),
+    ("questionable", QUALITY_UNCERTAIN),
+    ("substituted", QUALITY_UNCERTAIN),
+    ("true", QUALITY_GOOD),
+    ("false", QUALITY_BAD),
+    ("bad", QUALITY_BAD),
 )
 """How a quality's text begins, lower case, and its OPC code; any other text is bad."""
 _UA_UNCERTAIN, _UA_BAD = 0x4000_0000, 0x8000_0000
@@ -26,23 +26,25 @@ def opc_quality(codes: NDArray[np.float64]) -> NDArray[np.uint8]:
 
     The top bits of an OPC UA status code (32 bits) decide: bad or uncertain.
     """
-    code = np.where(np.isnan(codes), GOOD, np.clip(codes, -1, 2.0**32 - 1)).astype(np.int64)
-    low = np.where(code < 0, BAD, code & 0xFF)
-    return np.select([code >= _UA_BAD, code >= _UA_UNCERTAIN], [BAD, UNCERTAIN], low).astype(np.uint8)
+    code = np.where(np.isnan(codes), QUALITY_GOOD, np.clip(codes, -1, 2.0**32 - 1)).astype(np.int64)
+    low = np.where(code < 0, QUALITY_BAD, code & 0xFF)
+    return np.select([code >= _UA_BAD, code >= _UA_UNCERTAIN], [QUALITY_BAD, QUALITY_UNCERTAIN], low).astype(
+        np.uint8
+    )
 
 
 def quality_of(code: float | str | None) -> int:
     """Return the OPC byte of one quality, as a code, a word or a bool; nothing and an empty text are good."""
     if code is None or code == "":
-        return GOOD
+        return QUALITY_GOOD
     if isinstance(code, bool):
-        return GOOD if code else BAD
+        return QUALITY_GOOD if code else QUALITY_BAD
     if isinstance(code, str):
         text = code.strip().lower()
         if not text:
-            return GOOD
+            return QUALITY_GOOD
         try:
             code = float(text)
         except ValueError:
-            return next((found for start, found in WORDS if text.startswith(start)), BAD)
+            return next((found for start, found in WORDS if text.startswith(start)), QUALITY_BAD)
     return int(code) if 0 <= code <= 255 else int(opc_quality(np.array([code], np.float64))[0])

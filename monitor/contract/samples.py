@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-GOOD = 192
+QUALITY_GOOD = 192
 """OPC quality from which a sample counts as good."""
-UNCERTAIN = 64
+QUALITY_UNCERTAIN = 64
 """OPC quality from which a sample is used, but counted as uncertain; below it is bad."""
 
 
@@ -82,7 +82,7 @@ class Samples:
             column("pv", pv, np.float64),
             column("op", op, np.float64),
             column("auto", True if auto is None else auto, np.bool_),
-            column("quality", GOOD if quality is None else quality, np.uint8),
+            column("quality", QUALITY_GOOD if quality is None else quality, np.uint8),
         )
 
 

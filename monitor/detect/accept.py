@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from monitor.compiled import jit
-from monitor.contract.samples import GOOD, UNCERTAIN
+from monitor.contract.samples import QUALITY_GOOD, QUALITY_UNCERTAIN
 
 from .state import COARSE, MAX_GAP, REBASE, REGAP, RING, TOO_LARGE, WARM_UP
 
@@ -38,7 +38,7 @@ def accepted(s, p, time, sp, pv, op, quality):
         if not _set_back(s, time):
             s.late += 1
             return False
-    if quality < UNCERTAIN:
+    if quality < QUALITY_UNCERTAIN:
         s.bad_quality += 1
         s.spoilt += 1
         return False
@@ -48,7 +48,7 @@ def accepted(s, p, time, sp, pv, op, quality):
         s.spoilt += 1
         return False
     s.ok += 1
-    if quality < GOOD:
+    if quality < QUALITY_GOOD:
         s.uncertain += 1
     s.lates = s.spoilt = 0
     return True

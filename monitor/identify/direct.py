@@ -16,7 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .fit import ALIKE, DECIDES, INTEGRATING, SIMPLER, Array, Fit, Valley, better_by
+from tuners.models import INTEGRATING
+
+from .fit import ALIKE, DECIDES, SIMPLER, Array, Fit, Valley, better_by
 from .projection import DEAD, LAG, ONSET, SHARE, evaluate, slopes
 from .response import load_response, response
 from .search import bounds, descend, search, walk

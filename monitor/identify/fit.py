@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tuners.models import INTEGRATING, SELF_REGULATING
+
 Array = NDArray[np.float64]
 
-INTEGRATING, SELF_REGULATING = "integrating", "self-regulating"
 DIRECT, INDIRECT, JOINT = "direct", "indirect", "joint"
 
 DECIDES = 6.0

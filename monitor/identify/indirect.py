@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tuners.models import INTEGRATING
 from tuners.settings import NotRepresentableError, Settings
 
-from .fit import INDIRECT, INTEGRATING, Array, Fit
+from .fit import INDIRECT, Array, Fit
 from .response import closed_loop
 from .uncertainty import tangent_scatter, with_uncertainty
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from monitor.compiled import jit
 from monitor.contract.entries import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_SP, UNKNOWN
-from monitor.contract.samples import UNCERTAIN, Samples
+from monitor.contract.samples import QUALITY_UNCERTAIN, Samples
 
 HELD = 64
 """Entries held for each loop (3 kB): 32 a second, 4 to a sample of tags."""
@@ -281,7 +281,7 @@ def _after(a, b):
 @jit
 def _moves(x):
     """Whether an entry is good enough to say how far the loop's time has come."""
-    if x.quality < UNCERTAIN:
+    if x.quality < QUALITY_UNCERTAIN:
         return False
     if x.kind == TAG_AUTO:
         return x.auto != UNKNOWN

@@ -22,8 +22,7 @@ from monitor.assess.tuning import MARGIN, trap
 from monitor.contract.loops import Loop, lives_with_offset
 from monitor.contract.records import INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow
 from monitor.health.loop_health import Health
-from monitor.identify.fit import INTEGRATING
-from tuners.models import IntegratingModel, SelfRegulatingModel
+from tuners.models import INTEGRATING, IntegratingModel, SelfRegulatingModel
 
 MANUAL = 0.5
 """Share of time in manual from which the loop is not in control."""

@@ -13,7 +13,7 @@ import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from monitor.contract.figures import MEANINGS
+from monitor.contract.figures import GAIN_UNITS, MEANINGS
 
 Row = Mapping[str, Any]
 
@@ -229,7 +229,7 @@ def _new_ci(row: Row, key: str) -> str:
 
 def _model(row: Row) -> list[str]:
     process = plain(row.get("process") or "undecided", 40)
-    unit = {"integrating": "PV/(OP s)", "self-regulating": "PV/OP"}.get(process, "–")
+    unit = GAIN_UNITS.get(process, "–")
     lines = [f"## Model: {escape(process)}", "", "| | value | 95 % interval |", "|---|--:|---|"]
     for key, words in _MODEL:
         if row.get(key) is None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from monitor.contract.entries import ENTRY, SAMPLE
 from monitor.contract.evidence import Trend, Window
 from monitor.contract.quality import opc_quality
-from monitor.contract.samples import GOOD
+from monitor.contract.samples import QUALITY_GOOD
 from monitor.contract.times import LATEST, seconds_to_ns
 
 _NEEDED = ("loop", "time", "sp", "pv", "op")
@@ -59,7 +59,7 @@ def _check_type(name: str, kind: Any) -> None:
 def frame_entries(batch: Any) -> NDArray[Any]:
     """Turn one record batch into entries, their loops still to be found."""
     out = np.zeros(len(batch), ENTRY)
-    out["kind"], out["auto"], out["quality"] = SAMPLE, 1, GOOD
+    out["kind"], out["auto"], out["quality"] = SAMPLE, 1, QUALITY_GOOD
     out["time"] = _times(batch.column("time"))
     for name in ("sp", "pv", "op"):
         out[name] = _numbers(batch.column(name))

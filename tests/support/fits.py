@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from monitor.identify.fit import INTEGRATING, Fit
+from monitor.identify.fit import Fit
+from tuners.models import INTEGRATING
 
 
 def make_fit(

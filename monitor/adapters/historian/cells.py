@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.contract.quality import opc_quality, quality_of
-from monitor.contract.samples import GOOD
+from monitor.contract.samples import QUALITY_GOOD
 
 from .clock import UNITS
 from .rows import UNKNOWN, Tally
@@ -111,17 +111,17 @@ def qualities(array: Any, tally: Tally) -> NDArray[np.uint8]:
     if not is_text(array):
         codes = numbers(array, Tally())
         out = opc_quality(codes)
-        for code, times in zip(*np.unique(codes[out < GOOD], return_counts=True), strict=True):
+        for code, times in zip(*np.unique(codes[out < QUALITY_GOOD], return_counts=True), strict=True):
             tally.quality(f"{code:.15g}", int(times))
         return out
 
     def quality(text: str, times: int) -> int:
         code = quality_of(text)
-        if code < GOOD:
+        if code < QUALITY_GOOD:
             tally.quality(text.strip(), times)
         return code
 
-    return _by_text(array, quality, GOOD).astype(np.uint8)
+    return _by_text(array, quality, QUALITY_GOOD).astype(np.uint8)
 
 
 def _by_text(array: Any, meaning: Callable[[str, int], int], missing: int) -> NDArray[np.int64]:

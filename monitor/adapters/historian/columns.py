@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.contract.samples import GOOD
+from monitor.contract.samples import QUALITY_GOOD
 
 from .cells import codes_of, is_text, modes, numbers, plain, qualities, stamps, text_times
 from .clock import OLDEST, Clock, clock_of_numbers, numbers_to_ns, plausible
@@ -146,7 +146,9 @@ class Taker:
         sp, pv, op = (self._values(column, roles[role]) for role in NEEDED)
         auto = modes(column[roles["auto"]], tally) if "auto" in roles else _constant(1, np.int8, n)
         quality = (
-            qualities(column[roles["quality"]], tally) if "quality" in roles else _constant(GOOD, np.uint8, n)
+            qualities(column[roles["quality"]], tally)
+            if "quality" in roles
+            else _constant(QUALITY_GOOD, np.uint8, n)
         )
         hold = _constant(0, np.uint8, n)
         for role, bit in (("sp", HOLD_SP), ("op", HOLD_OP)):

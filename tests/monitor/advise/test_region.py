@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 
 from monitor.advise.region import fastest_safe, found, uncertain_models, worst_peaks
 from monitor.advise.stages import ORDERS, stages
-from monitor.identify.fit import SELF_REGULATING
 from tests.support.fits import make_fit
-from tuners.models import IntegratingModel, Model, SelfRegulatingModel
+from tuners.models import SELF_REGULATING, IntegratingModel, Model, SelfRegulatingModel
 from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings
 from tuners.simc import simc_pid

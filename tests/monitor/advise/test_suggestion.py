@@ -19,10 +19,10 @@ from monitor.advise.stages import STAGE
 from monitor.advise.suggestion import Advice, Withheld, advise, renewed
 from monitor.assess.reference import LOAD, SETPOINT, held, model_of, reference_structure, settings_of
 from monitor.contract.loops import CONTROLLERS, OBJECTIVES, Loop
-from monitor.identify.fit import SELF_REGULATING, Fit
+from monitor.identify.fit import Fit
 from tests.support.fits import make_fit
 from tests.support.twins import noise_through
-from tuners.models import IntegratingModel
+from tuners.models import SELF_REGULATING, IntegratingModel
 from tuners.robustness import peak_sensitivity
 from tuners.rules import RULES
 from tuners.settings import Settings

@@ -14,7 +14,7 @@ from monitor.contract.loops import Loop
 from monitor.detect.detector import Detector
 from monitor.detect.state import CLOSED
 from monitor.identify.direct import fit_kinds, fit_window, model_response
-from monitor.identify.fit import INTEGRATING, SELF_REGULATING, Fit, combine, contradictory, decide
+from monitor.identify.fit import Fit, combine, contradictory, decide
 from monitor.identify.integrals import setpoint_integrals
 from monitor.identify.projection import blocks
 from monitor.identify.response import load_response
@@ -28,6 +28,7 @@ from sim_plants.specs import LoopSpec, Steps
 from tests.support.fits import make_fit
 from tests.support.plants import Array, pi_loop, samples_of
 from tests.support.twins import response
+from tuners.models import INTEGRATING, SELF_REGULATING
 
 BEFORE = 60
 

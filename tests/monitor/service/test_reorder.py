@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor.contract.entries import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_PV, TAG_SP, UNKNOWN
-from monitor.contract.samples import UNCERTAIN, Samples, join
+from monitor.contract.samples import QUALITY_UNCERTAIN, Samples, join
 from monitor.service.reorder import HELD, Order
 
 SECOND = 10**9
@@ -71,7 +71,7 @@ class Twin:
             values = float(x["sp"]), float(x["pv"]), float(x["op"]), bool(x["auto"])
             if kind in hold:
                 value = {TAG_SP: values[0], TAG_OP: values[2], TAG_AUTO: int(x["auto"])}[kind]
-                good = x["quality"] >= UNCERTAIN and (
+                good = x["quality"] >= QUALITY_UNCERTAIN and (
                     value != UNKNOWN if kind == TAG_AUTO else math.isfinite(value)
                 )
                 if good and (hold[kind][0] is None or time > hold[kind][0]):
@@ -139,7 +139,7 @@ def test_every_sample_comes_out_or_is_counted(drawn, seed):
     got = through(order, np.split(arrived, cuts))
     assert len(got) + order.late + order.duplicate == len(arrived)
     for loop in range(3):
-        good = [r[1] for r in got if r[0] == loop and r[6] >= UNCERTAIN and None not in r[3:5]]
+        good = [r[1] for r in got if r[0] == loop and r[6] >= QUALITY_UNCERTAIN and None not in r[3:5]]
         assert good == sorted(good)
 
 

@@ -23,7 +23,7 @@ from monitor.contract.entries import LARGEST, SAMPLE, TAG_AUTO, TAG_OP, TAG_PV, 
 from monitor.contract.loops import Loop, LoopTable, default_key
 from monitor.contract.quality import opc_quality
 from monitor.contract.records import Event, LoopRow, Suggestion
-from monitor.contract.samples import UNCERTAIN
+from monitor.contract.samples import QUALITY_UNCERTAIN
 from monitor.contract.times import iso, time_of
 from monitor.wire.arrow_header import claim
 from monitor.wire.decode import MOST_BATCHES, MOST_KEYS, MOST_ROWS, Decoder
@@ -750,4 +750,4 @@ def test_numpys_numbers_are_numbers():
 
 def test_uncertain_is_below_good():
     """The codes of the samples and of the wire are the same."""
-    assert opc_quality(np.array([0x4000_0000]))[0] == UNCERTAIN
+    assert opc_quality(np.array([0x4000_0000]))[0] == QUALITY_UNCERTAIN

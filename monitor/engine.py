@@ -186,7 +186,7 @@ class Engine:
         out = LoopRow(loop=loop.name) if seen is None else msgspec.structs.replace(seen)
         if loop.kp is not None:
             out.kp, out.ti, out.td, out.tf = loop.kp, loop.ti, loop.td, loop.filter_time
-        return conclude(out, loop, figures(health, state, out.dead_time))
+        return conclude(out, loop, figures(health, float(state["period"]), out.dead_time))
 
     def rows(self) -> list[LoopRow]:
         """Return one row for each loop, worst first: by verdict, then by index, then by name."""

@@ -43,6 +43,7 @@ from .state import (
     OUTLIER,
     QUIET,
     RAMP_REST,
+    SETPOINT_STEP,
     STILLER,
     TIMEOUT,
     WARM_UP,
@@ -60,7 +61,8 @@ def advance(s, h, p, time, sp, pv, op, auto):
     back = time < s.time
     dt = 0.0 if back else (time - s.time) * 1e-9
     gap = back or (s.period > 0 and dt > MAX_GAP * s.period) or (s.blind > BLIND and sp != s.sp)
-    observe(h, s, p, dt, gap, sp, pv, op, auto)
+    stepping = s.phase == EVENT and s.kind == SETPOINT_STEP
+    observe(h, s, s.period, p, dt, gap, sp, pv, op, auto, s.phase <= QUIET, stepping)
     if gap or s.gaps > 0:
         count_gaps(s, time, dt, gap, back)
     if gap or not auto or not s.auto or (sp != s.held and other_units(s, sp, pv)):

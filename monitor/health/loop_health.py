@@ -91,13 +91,15 @@ class Health:
     """Whether the response is over before it is seen."""
 
 
-def figures(h: Any, s: Any, dead_time: float | None = None) -> Health:
+def figures(h: Any, period: float, dead_time: float | None = None) -> Health:
     """Read a loop's health.
 
     Parameters
     ----------
-    h, s
-        Its running sums (dtype `HEALTH`) and its state (dtype `STATE`).
+    h
+        Its running sums (dtype `HEALTH`).
+    period
+        Of its samples [s], 0 where it is not known.
     dead_time
         If known [s]: for the Harris index.
     """
@@ -114,7 +116,7 @@ def figures(h: Any, s: Any, dead_time: float | None = None) -> Health:
         "idle": bool(h["idle_time"] > IDLE * good),
     }
     if auto > 0:
-        out |= _of_control(h, auto, float(s["period"]))
+        out |= _of_control(h, auto, period)
         out |= _of_cycles(h, out)
         out["harris"] = _harris(h, float(h["spacing"]), dead_time, out)
     known: dict[str, Any] = {k: v for k, v in out.items() if not isinstance(v, float) or math.isfinite(v)}

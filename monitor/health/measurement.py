@@ -97,18 +97,18 @@ def interval(h, dt):
 
 
 @jit
-def sense(h, s, dt, sp, pv, op):
+def sense(h, last, dt, sp, pv, op):
     """Take in one good sample."""
     h.pv_seen += 1
     h.pv_n += 1.0
-    d = pv - s.pv
+    d = pv - last.pv
     dd = d - h.pv_d
     h.pv_q0 += dd * dd
     h.pv_q1 += dd * h.pv_dd
     h.pv_q2 += dd * h.pv_older
     h.pv_older = h.pv_dd
     if d == 0.0:
-        _still(h, s, dt, sp, op)
+        _still(h, last, dt, sp, op)
     else:
         if h.pv_rest > 0:
             if h.pv_rest <= SHORT_STAY:
@@ -158,14 +158,14 @@ def _step(h, d, pv):
 
 
 @jit
-def _still(h, s, dt, sp, op):
+def _still(h, last, dt, sp, op):
     """Account for a sample at which PV is exactly what it was."""
     if h.pv_rest == 0:
-        h.still_op, h.still_way, h.still_run = s.op, 0.0, 0
+        h.still_op, h.still_way, h.still_run = last.op, 0.0, 0
     h.pv_rest += 1
     n = h.pv_rest
     h.still_way = max(h.still_way, abs(op - h.still_op))
-    if op == s.op and sp == s.sp:
+    if op == last.op and sp == last.sp:
         h.all_rest += 1
         if h.all_rest >= FROZEN:
             h.idle_time += dt * FROZEN if h.all_rest == FROZEN else dt

@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from monitor.compiled import jit
-from monitor.detect.state import EVENT, QUIET, SETPOINT_STEP
 
 from . import autocorrelation, harris, measurement, saturation, tag_mapping, travel
 from .autocorrelation import BLOCK, HORIZON, restart, space, taint, take
@@ -38,8 +37,30 @@ HEALTH = np.dtype(
 
 
 @jit
-def observe(h, s, p, dt, gap, sp, pv, op, auto):
-    """Account for one good sample and the time ``dt`` [s] since the last; ``s`` still holds the last sample."""
+def observe(h, last, period, limits, dt, gap, sp, pv, op, auto, quiet, stepping):
+    """Account for one good sample.
+
+    Parameters
+    ----------
+    h
+        The loop's record, of dtype `HEALTH`.
+    last
+        The sample before: sp, pv, op, auto.
+    period
+        Sample period [s], 0 before it is known.
+    limits
+        Of OP: op_low, op_high, infinite where there is none.
+    dt
+        Time since the last sample [s].
+    gap
+        Whether nothing may be carried across that time.
+    sp, pv, op, auto
+        The sample.
+    quiet
+        Whether no event, and nothing like one, goes on.
+    stepping
+        Whether the loop answers to a step of its set point.
+    """
     h.wall_time += dt
     measurement.interval(h, dt)
     if gap:
@@ -47,25 +68,25 @@ def observe(h, s, p, dt, gap, sp, pv, op, auto):
         _interrupt(h)
         return
     # a missed sample is bridged, but does not count as covered
-    h.good_time += dt if s.period == 0 else min(dt, 1.5 * s.period)
-    if not s.auto:
+    h.good_time += dt if period == 0 else min(dt, 1.5 * period)
+    if not last.auto:
         h.manual_time += dt
-    measurement.sense(h, s, dt, sp, pv, op)
-    if not s.auto or not auto:
+    measurement.sense(h, last, dt, sp, pv, op)
+    if not last.auto or not auto:
         _interrupt(h)
         return
-    last, e = s.sp - s.pv, sp - pv
+    before, e = last.sp - last.pv, sp - pv
     h.auto_time += dt
-    h.abs_e += abs(last) * dt
-    h.sum_e += last * dt
-    saturation.rest(h, s, p, dt, op, e != last)
-    travel.move(h, s, dt, op)
-    tag_mapping.trace(h, s, e, sp, pv, op)
-    if sp != s.sp and h.w_sp < CASCADE * h.w_n + 1.0:
+    h.abs_e += abs(before) * dt
+    h.sum_e += before * dt
+    saturation.rest(h, last, limits, dt, op, e != before)
+    travel.move(h, last, period, dt, op)
+    tag_mapping.trace(h, last, e, sp, pv, op)
+    if sp != last.sp and h.w_sp < CASCADE * h.w_n + 1.0:
         taint(h)
-    if s.period <= 0.0:
+    if period <= 0.0:
         return
-    space(h, s.period)
+    space(h, period)
     h.samples += 1.0
     h.clock += dt
     n = int(h.clock / h.spacing + 0.5)
@@ -74,16 +95,16 @@ def observe(h, s, p, dt, gap, sp, pv, op, auto):
         clean = h.tainted & 1 == 0
         take(h, e)
         if h.taken & (BLOCK - 1) == 0:
-            _block(h, s, clean, BLOCK * h.spacing)
+            _block(h, clean and not stepping, quiet, BLOCK * h.spacing)
 
 
 @jit
-def _block(h, s, clean, seconds):
-    """Do what is done once in 64 samples; ``clean``: the set point has not stepped."""
+def _block(h, clean, quiet, seconds):
+    """Do what is done once in 64 samples; ``clean``: nothing in them comes from a step of the set point."""
     travel.weigh_moves(h, h.samples)
-    measurement.weigh_noise(h, h.samples, s.phase <= QUIET)
+    measurement.weigh_noise(h, h.samples, quiet)
     h.samples = 0.0
-    if clean and not (s.phase == EVENT and s.kind == SETPOINT_STEP):
+    if clean:
         harris.correlate(h)
         mean = 0.0
         for i in range(BLOCK):

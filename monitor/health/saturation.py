@@ -28,17 +28,17 @@ FIELDS = [
 
 
 @jit
-def rest(h, s, p, dt, op, alive):
+def rest(h, last, limits, dt, op, alive):
     """Take in OP of one sample in automatic; ``alive``: the error has moved with it."""
     if h.op_seen == 0:
         h.op_min = h.op_max = op
-        h.op_limited = p.op_low > -np.inf or p.op_high < np.inf
+        h.op_limited = limits.op_low > -np.inf or limits.op_high < np.inf
     h.op_seen += 1
-    if s.op <= p.op_low or s.op >= p.op_high:
+    if last.op <= limits.op_low or last.op >= limits.op_high:
         h.limit_time += dt
-    d = op - s.op
+    d = op - last.op
     if d == 0.0:
-        _stay(h, p, dt, op, alive)
+        _stay(h, limits, dt, op, alive)
         return
     h.op_rest = h.op_alive = 0
     if h.op_step == 0.0 or abs(d) < h.op_step:
@@ -50,7 +50,7 @@ def rest(h, s, p, dt, op, alive):
 
 
 @jit
-def _stay(h, p, dt, op, alive):
+def _stay(h, limits, dt, op, alive):
     """Account for a sample at which OP has not moved."""
     h.op_rest += 1
     if alive:
@@ -61,7 +61,7 @@ def _stay(h, p, dt, op, alive):
             h.low_time += more
         if op == h.op_max:
             h.high_time += more
-    inside = (h.op_min < op < h.op_max or h.op_min == h.op_max) and p.op_low < op < p.op_high
+    inside = (h.op_min < op < h.op_max or h.op_min == h.op_max) and limits.op_low < op < limits.op_high
     if h.op_rest >= HELD and inside and h.op_alive > MOST_STILL * h.op_rest:
         h.held_time += dt * HELD if h.op_rest == HELD else dt
 

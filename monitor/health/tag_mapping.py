@@ -56,15 +56,15 @@ EACH, MEANS = 0, 1
 
 
 @jit
-def trace(h, s, e, sp, pv, op):
+def trace(h, last, e, sp, pv, op):
     """Take in one sample in automatic."""
     h.w_n += 1.0
-    d, o = e - (s.sp - s.pv), op - s.op
+    d, o = e - (last.sp - last.pv), op - last.op
     _add(h.w_usual[EACH], h.w_squares[EACH], e, d, o)
     _together(h, e, op)
     if o != 0.0:
         h.w_op += 1.0
-    if pv != s.pv:
+    if pv != last.pv:
         h.w_pv += 1.0
         if e == 0.0:
             h.w_track += 1.0
@@ -74,12 +74,12 @@ def trace(h, s, e, sp, pv, op):
             h.w_rest += h.w_move * (e - h.w_from)
             h.w_move2 += h.w_move * h.w_move
             h.w_moves += 1.0
-    if sp != s.sp:
+    if sp != last.sp:
         h.w_sp += 1.0
         if h.w_wait == 0:
-            h.w_move, h.w_from, h.w_wait = sp - s.sp, s.sp - s.pv, AFTER
+            h.w_move, h.w_from, h.w_wait = sp - last.sp, last.sp - last.pv, AFTER
             h.w_to = sp
-        if pv != s.pv and _rescaled(h, s, sp, pv, o):
+        if pv != last.pv and _rescaled(h, last, sp, pv, o):
             h.w_units += 1.0
 
 
@@ -129,17 +129,17 @@ def _usual(usual, x):
 
 
 @jit
-def _rescaled(h, s, sp, pv, o):
+def _rescaled(h, last, sp, pv, o):
     """Whether SP and PV have jumped by the same large factor, which OP took no notice of."""
-    if s.sp == 0.0 or s.pv == 0.0:
+    if last.sp == 0.0 or last.pv == 0.0:
         return False
-    a, b = sp / s.sp, pv / s.pv
+    a, b = sp / last.sp, pv / last.pv
     usual = h.w_squares[EACH, 5] / h.w_n
     return (
         a > 0.0
         and (a > FACTOR or a < 1.0 / FACTOR)
         and abs(a - b) < ALIKE * a
-        and abs(a - 1.0) * abs(s.sp) > 10.0 * abs(s.sp - s.pv)
+        and abs(a - 1.0) * abs(last.sp) > 10.0 * abs(last.sp - last.pv)
         and o * o <= 9.0 * usual
     )
 

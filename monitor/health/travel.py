@@ -62,17 +62,17 @@ differences, the middle of its play, and its way."""
 
 
 @jit
-def move(h, s, dt, op):
+def move(h, last, period, dt, op):
     """Take in OP of one sample in automatic."""
-    d = op - s.op
+    d = op - last.op
     dd = d - h.op_d
     h.op_q0 += dd * dd
     h.op_q1 += dd * h.op_dd
     h.op_d, h.op_dd = d, dd
-    if s.period <= 0.0:
+    if period <= 0.0:
         return
-    if abs(h.op_grid - s.period) > OTHER * h.op_grid:
-        _begin(h, s.period)
+    if abs(h.op_grid - period) > OTHER * h.op_grid:
+        _begin(h, period)
     if h.op_ready == 0 and h.op_seen >= FIRST:
         h.op_noise = 0.5 * np.sqrt(max(-h.op_q1 / FIRST, 0.0))
         h.op_ready = 1
@@ -81,14 +81,14 @@ def move(h, s, dt, op):
     h.op_sum += op
     h.op_count += 1.0
     h.op_clock += dt
-    edge = h.op_grid - 0.25 * s.period  # samples are never quite in time
+    edge = h.op_grid - 0.25 * period  # samples are never quite in time
     while h.op_clock >= edge:
         h.op_clock -= h.op_grid
         if h.op_count > 0.0:
-            _level(h, h.op_sum / h.op_count, s.period)
+            _level(h, h.op_sum / h.op_count, period)
             h.op_sum = h.op_count = 0.0
         else:
-            _level(h, op, s.period)
+            _level(h, op, period)
 
 
 @jit

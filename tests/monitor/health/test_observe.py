@@ -46,7 +46,7 @@ def run(samples: Samples, chunk: int | None = None, **facts: Any) -> Detector:
 
 
 def look(detector: Detector, dead_time: float | None = None) -> Health:
-    return figures(detector.health[0], detector.state[0], dead_time)
+    return figures(detector.health[0], float(detector.state["period"][0]), dead_time)
 
 
 def health(

@@ -36,7 +36,7 @@ def health(sp: object, pv: object, op: object, period: float = 1.0) -> Health:
     time = START + np.round(np.arange(n) * period * SECOND).astype(np.int64)
     detector = Detector([Loop(name="L")])
     detector.run(Samples.of(0, time, *(np.broadcast_to(v, (n,)) for v in (sp, pv, op))))
-    return figures(detector.health[0], detector.state[0])
+    return figures(detector.health[0], float(detector.state["period"][0]))
 
 
 def of_error(e: Array, period: float = 1.0) -> Health:
@@ -96,7 +96,7 @@ def test_a_new_sample_period_begins_anew():
     time = START + np.concatenate([np.arange(30_000), 30_000 + 5 * np.arange(6000)]) * SECOND
     detector = Detector([Loop(name="L")])
     detector.run(Samples.of(0, time, np.full(len(e), 50.0), 50.0 - e, 30.0 + e))
-    found = figures(detector.health[0], detector.state[0])
+    found = figures(detector.health[0], float(detector.state["period"][0]))
     assert found.oscillation_period == pytest.approx(200, rel=0.03)
 
 

@@ -5,7 +5,8 @@ python examples/tuning_rule_on_model.py
 
 from __future__ import annotations
 
-from tuners.blocks import BLOCKS, to_block
+from tuners.blocks import BLOCKS
+from tuners.faceplate import to_block
 from tuners.models import IntegratingModel
 from tuners.responses import step_figures
 from tuners.robustness import margins

@@ -163,23 +163,3 @@ def _delay_limit(c: FloatOrArray) -> FloatOrArray:
     """Largest alpha [-] that is stable with the method product c [-] kept (derived)."""
     f = (1 + (1 + 4 / c**2) ** 0.5) / 2
     return np.arctan(c * f**0.5) / f**0.5
-
-
-def delay_error(alpha: FloatOrArray, beta: FloatOrArray) -> FloatOrArray:
-    """Largest relative dead-time error ``delta`` that PI on IPDT bears.
-
-    Parameters
-    ----------
-    alpha, beta
-        kp K theta and ti/theta [-].
-
-    Returns
-    -------
-    float or ndarray
-        delta = a/alpha - 1 [-]; negative for an unstable loop.
-
-    References
-    ----------
-    Di Ruscio 2010, Modeling, Identification and Control 31, 145-164 (formula derived, exact).
-    """
-    return _delay_limit(alpha * beta) / alpha - 1

@@ -36,10 +36,6 @@ IST2E: Fit = (
     ((0.00026, 1.57923, 0.92635, 0.38437), (0.66892, 1.53781, 1.0)),
 )
 
-# Ali & Majhi 2010, ISA Trans. 49, 70-78, as printed by Kaya 2018: (gain, dead_time, lag) -> (kp, ti, td).
-# Only these settings are known to us; no formula is made up from them.
-ALI_MAJHI = {(1.0, 3.0, 1.0): (0.290, 10.440, 1.670), (1.0, 6.667, 10.141): (0.129, 35.340, 8.283)}
-
 
 def _ifopdt(model: Model) -> IntegratingModel:
     """Return the model if the fit holds for it; raise ValueError otherwise."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuners.models import Array, ComplexArray, FloatOrArray, Process, SelfRegulatingModel
+from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings
 
 MIN_POINTS, MAX_POINTS = 1 << 11, 1 << 17
@@ -88,8 +89,6 @@ def closed_loop_response(
     >>> f"IAE = {response.iae:.2f}, settled after {response.settling_time:.0f} s"
     'IAE = 16.00, settled after 26 s'
     """
-    from tuners.robustness import peak_sensitivity  # noqa: PLC0415  (robustness offers this function too)
-
     if kind not in {"setpoint", "load"}:
         raise ValueError(f"kind = {kind!r}: must be 'setpoint' or 'load'")
     if duration is not None and not 0 < duration < math.inf:
@@ -153,8 +152,6 @@ def step_figures(model: Process, settings: Settings, stable: NDArray[np.bool_] |
     >>> step_figures(IntegratingModel(gain=1.0, dead_time=1.0), many).overshoot.round(2)
     array([0.27, 0.28, 0.42])
     """
-    from tuners.robustness import peak_sensitivity  # noqa: PLC0415  (robustness offers the responses too)
-
     if stable is None:
         stable = np.isfinite(np.atleast_1d(peak_sensitivity(model, settings)))
     names = ("kp", "ti", "td", "tf", "b", "c")

@@ -6,25 +6,14 @@ Stability needs no fine Nyquist curve: it is decided by the phase at the gain cr
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from tuners.loops import BEND, HIGH_LEVEL, LOG_POINTS, Loops, coefficients, grid, high_end, span
-from tuners.models import Array, FloatOrArray, IntegratingModel, Model, Plant, Process, SelfRegulatingModel
-from tuners.responses import Response, closed_loop_response
+from tuners.models import Array, FloatOrArray, Process
 from tuners.settings import Settings
-
-__all__ = [
-    "Margins",
-    "Response",
-    "closed_loop_response",
-    "margins",
-    "model_box",
-    "peak_sensitivity",
-    "worst_sensitivity",
-]
 
 PHASE_STEP = 0.35  # dead time turns the curve by omega theta: no step beyond this angle [rad]
 LINEAR_SIZES = (
@@ -388,51 +377,3 @@ def margins(model: Process, settings: Settings) -> Margins:
         shaped(found.delay_margin),
         bool(found.stable[0]) if shape == () else found.stable.reshape(shape),
     )
-
-
-def worst_sensitivity(models: Process | Iterable[Process], settings: Settings) -> float:
-    """Largest Ms of one controller over several models (a model with array fields, or a list of models).
-
-    Returns
-    -------
-    float
-        inf as soon as one of the loops is unstable; NaN models are ignored; NaN where all are [-].
-    """
-    if isinstance(models, IntegratingModel | SelfRegulatingModel | Plant):
-        models = [models]
-    values = [np.atleast_1d(peak_sensitivity(model, settings)).ravel() for model in models]
-    every = np.concatenate(values) if values else np.array([])
-    every = every[~np.isnan(every)]
-    return float(every.max()) if every.size else math.nan
-
-
-def model_box(
-    process: str,
-    gain: tuple[float, float],
-    dead_time: tuple[float, float],
-    lag: tuple[float, float] = (0.0, 0.0),
-    steps: int = 3,
-) -> Model:
-    """Grid of models over a box of intervals, for `worst_sensitivity`.
-
-    Parameters
-    ----------
-    process
-        'integrating' or 'self-regulating'.
-    gain
-        Lowest and highest gain, of one sign [PV/(OP s)] or [PV/OP].
-    dead_time, lag
-        Lowest and highest value [s].
-    steps
-        Values in each interval, at least 2: the corners; 3 adds the middles.
-
-    Returns
-    -------
-    IntegratingModel or SelfRegulatingModel
-        Fields are arrays (steps^3,).
-    """
-    if gain[0] * gain[1] <= 0:
-        raise ValueError(f"gain = {gain}: the interval must not contain 0")
-    axes = (np.linspace(*interval, steps) for interval in (gain, dead_time, lag))
-    fields = (field.ravel() for field in np.meshgrid(*axes))
-    return (IntegratingModel if process == "integrating" else SelfRegulatingModel)(*fields)

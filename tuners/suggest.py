@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from tuners.blocks import find_block, to_block
+from tuners.blocks import find_block
+from tuners.faceplate import to_block
 from tuners.models import IntegratingModel, Model, SelfRegulatingModel
 from tuners.responses import Response, closed_loop_response
 from tuners.robustness import margins

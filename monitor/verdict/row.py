@@ -10,6 +10,7 @@ from monitor.advise.suggestion import Advice, Withheld
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, WORST_FIRST, LoopRow
 from tuners.blocks import BLOCKS
+from tuners.faceplate import fields_of
 from tuners.settings import FORMS, Settings
 
 
@@ -68,7 +69,7 @@ def with_settings(row: LoopRow, loop: Loop, advice: Advice) -> LoopRow:
 def _fields(loop: Loop, settings: Settings) -> dict[str, Any]:
     """Return the fields of the loop's block, or the form's own names."""
     if loop.form not in FORMS:
-        return dict(BLOCKS[loop.form].fields(settings, loop))
+        return dict(fields_of(BLOCKS[loop.form], settings, loop))
     return _plain(settings)
 
 

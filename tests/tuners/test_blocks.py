@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from tuners.blocks import BLOCKS, Block, find_block, from_block, to_block
+from tuners.blocks import BLOCKS, Block, find_block
+from tuners.faceplate import fields_of, from_block, to_block
 from tuners.settings import NotRepresentableError, Settings
 
 PV_SPAN, OP_SPAN = 50.0, 200.0
@@ -271,10 +272,10 @@ def test_report_fields():
     class Unknown(Loop):
         op_high = None
 
-    fields = find_block("centum-pid").fields(Settings(1.2, 30.0), Loop())
+    fields = fields_of(find_block("centum-pid"), Settings(1.2, 30.0), Loop())
     assert fields["P"] == pytest.approx(100 / 0.3)
     assert "not verified" in fields["note"]
-    assert list(find_block("centum-pid").fields(Settings(1.2, 30.0), Unknown())) == ["unavailable"]
+    assert list(fields_of(find_block("centum-pid"), Settings(1.2, 30.0), Unknown())) == ["unavailable"]
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 
 from tuners.kaya import kaya_ist2e, kaya_iste, kaya_optimum
 from tuners.models import IntegratingModel, Plant, SelfRegulatingModel
-from tuners.robustness import closed_loop_response
+from tuners.responses import closed_loop_response
 from tuners.settings import Settings
 
 # theta/T, then K T Kc, Ti/T, Td/T of the optimum for ISTE and IST2E

@@ -7,8 +7,8 @@ import pytest
 
 from tests.support.random_loops import draw_loops
 from tuners.models import IntegratingModel, Plant, SelfRegulatingModel
-from tuners.responses import step_figures
-from tuners.robustness import closed_loop_response, peak_sensitivity
+from tuners.responses import closed_loop_response, step_figures
+from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings
 from tuners.simc import simc_pd, simc_pi, simc_pid
 

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from tests.support.random_loops import draw_loops
 from tuners.models import IntegratingModel, Plant, SelfRegulatingModel
-from tuners.robustness import margins, model_box, peak_sensitivity, worst_sensitivity
+from tuners.robustness import margins, peak_sensitivity
 from tuners.rules import RULES
 from tuners.settings import Settings
-from tuners.simc import simc_pi, simc_pid
+from tuners.simc import simc_pid
 
 UNIT = IntegratingModel(1.0, 1.0)
 
@@ -257,22 +257,6 @@ def test_third_order_plant():
     for kp in (0.2, 0.5, 1.0, 1.8, 2.5):
         poles = np.roots([1.0, 2.0, 1.0, kp, kp / 6.0])
         assert math.isfinite(peak_sensitivity(plant, Settings(kp, 6.0))) == bool(np.all(poles.real < 0))
-
-
-def test_worst_over_box_and_list():
-    settings = simc_pi(UNIT)
-    box = model_box("integrating", (0.7, 1.3), (0.8, 1.2), (0.0, 0.5))
-    values = peak_sensitivity(box, settings)
-    assert box.gain.shape == (27,)
-    assert worst_sensitivity(box, settings) == values.max()
-    assert worst_sensitivity([UNIT, IntegratingModel(1.3, 1.2, 0.5)], settings) == pytest.approx(values.max())
-    assert worst_sensitivity([UNIT, IntegratingModel(1.0, 9.0)], settings) == math.inf
-    assert worst_sensitivity([UNIT, IntegratingModel(math.nan, 1.0)], settings) == peak_sensitivity(
-        UNIT, settings
-    )
-    assert math.isnan(worst_sensitivity([], settings))
-    with pytest.raises(ValueError, match="must not contain 0"):
-        model_box("integrating", (-1.0, 1.0), (1.0, 2.0))
 
 
 @pytest.mark.parametrize("name", RULES)

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tuners.classic import delay_error, di_ruscio, fruehauf, shinskey
+from tuners.classic import di_ruscio, fruehauf, shinskey
 from tuners.imc import imc_pi, imc_pid, imc_pid_filter, imc_pid_series_filter, lambda_pi
-from tuners.kaya import ALI_MAJHI
 from tuners.levels import averaging, method_product
 from tuners.models import IntegratingModel, Plant, SelfRegulatingModel
-from tuners.robustness import closed_loop_response, margins, peak_sensitivity
+from tuners.responses import closed_loop_response
+from tuners.robustness import margins, peak_sensitivity
 from tuners.rules import RULES
 from tuners.settings import Settings
 from tuners.simc import simc_pd, simc_pi, simc_pi_improved, simc_pid
@@ -221,7 +221,6 @@ def test_di_ruscio_2010_table(name):
     settings = RULES[name].function(UNIT)
     assert (settings.kp, settings.ti) == pytest.approx((alpha, beta), rel=3e-4)
     assert method_product(UNIT, settings) == pytest.approx(c, rel=3e-4)
-    assert delay_error(settings.kp, settings.ti) == pytest.approx(delta, abs=1.1e-3)
     found = margins(UNIT, settings)
     assert found.ms == pytest.approx(ms, abs=2e-3)
     assert found.delay_margin == pytest.approx(delta, abs=1.1e-3)
@@ -248,7 +247,7 @@ def test_di_ruscio_loop_bears_exactly_the_prescribed_error(delta, c, theta, gain
 
 def test_di_ruscio_with_the_product_of_simc_is_simc():
     simc = simc_pi(UNIT)
-    same = di_ruscio(UNIT, delay_error(simc.kp, simc.ti), 4.0)
+    same = di_ruscio(UNIT, margins(UNIT, simc).delay_margin, 4.0)
     assert (same.kp, same.ti) == pytest.approx((simc.kp, simc.ti))
 
 
@@ -341,11 +340,6 @@ def test_chakraborty_2017():
     settings = RULES["chakraborty"].function(IntegratingModel(0.5, 2.0))
     assert (settings.kp, settings.ti, settings.td) == pytest.approx((0.8435, 7.11, 0.966))
     assert (settings.b, settings.c) == (0, 0)
-
-
-def test_ali_majhi_settings_are_data_only():
-    assert ALI_MAJHI[1.0, 3.0, 1.0] == (0.290, 10.440, 1.670)
-    assert "ali-majhi" not in RULES
 
 
 @pytest.mark.parametrize("gain", [0.02, -0.02])

@@ -10,9 +10,11 @@ import pytest
 from click.testing import CliRunner
 
 from monitor.cli.tune import EPILOG, tune
-from tuners.blocks import BLOCKS, find_block, from_block
+from tuners.blocks import BLOCKS, find_block
+from tuners.faceplate import from_block
 from tuners.models import IntegratingModel
-from tuners.robustness import closed_loop_response, margins
+from tuners.responses import closed_loop_response
+from tuners.robustness import margins
 from tuners.rules import RULES
 from tuners.settings import Settings
 from tuners.suggest import suggest

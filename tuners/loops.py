@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tuners.models import Array, Process
+from tuners.models import INTEGRATING, Array, Process
 from tuners.settings import Settings
 
 LOW_LEVEL = 30.0  # below the frequency where |L| falls to this, |S| is under 1/29: no peak, no crossover
@@ -112,7 +112,7 @@ def coefficients(model: Process, settings: Settings) -> tuple[Loops, tuple[int, 
     else:
         a1 = np.where(integral, safe_ti, td) + tf
         a2 = np.where(integral, safe_ti * (tf + td), 0.0)
-    n = integral.astype(float) + (model.process == "integrating")
+    n = integral.astype(float) + (model.process == INTEGRATING)
     # Slowest first, as `_reach` wants them; what is 0 in every loop is left out.
     slow = -np.sort(-np.stack([*lags, tf]), axis=0)
     slow = slow[np.any(slow > 0, axis=1) | np.any(np.isnan(slow), axis=1)]

@@ -13,7 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tuners.models import Array, ComplexArray, FloatOrArray, Process, SelfRegulatingModel
+from tuners.models import (
+    INTEGRATING,
+    SELF_REGULATING,
+    Array,
+    ComplexArray,
+    FloatOrArray,
+    Process,
+    SelfRegulatingModel,
+)
 from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings
 
@@ -210,7 +218,7 @@ def _proper(model: Process, settings: Settings) -> tuple[Process, Settings]:
     """Give an improper loop the smallest roll-off that keeps its response finite."""
     if settings.td != 0 and settings.tf == 0 and settings.c != 0:
         settings = replace(settings, tf=settings.td / 1000)
-    if model.process == "self-regulating" and not any(float(lag) > 0 for lag in model.lags):
+    if model.process == SELF_REGULATING and not any(float(lag) > 0 for lag in model.lags):
         model = SelfRegulatingModel(model.gain, model.dead_time, model.dead_time / 1000)
     return model, settings
 
@@ -232,7 +240,7 @@ def _first_window(model: Process, settings: Settings) -> Array:
     poles = _product([1 - integral, integral], roll)
     for lag in lags:
         poles = _product(poles, [one, lag])
-    if model.process == "integrating":
+    if model.process == INTEGRATING:
         poles, gain = _product(poles, [0 * one, one]), gain * unit
     closed = _product(poles, [one, half])
     closed[:, :4] += (gain * kp)[:, np.newaxis] * _product(lead, [one, -half])
@@ -336,7 +344,7 @@ def _half_waves(transfer: ComplexArray) -> Array:
 def _rest(model: Process, settings: Settings) -> FloatOrArray:
     """Return the final complementary sensitivity: 1 with integral action or an integrator [-]."""
     gain = model.gain * settings.kp
-    return np.where(np.isfinite(settings.ti) | (model.process == "integrating"), 1.0, gain / (1 + gain))
+    return np.where(np.isfinite(settings.ti) | (model.process == INTEGRATING), 1.0, gain / (1 + gain))
 
 
 def _final_value(model: Process, settings: Settings, kind: str) -> FloatOrArray:
@@ -350,7 +358,7 @@ def _final_value(model: Process, settings: Settings, kind: str) -> FloatOrArray:
 
 def _final_op(model: Process, settings: Settings) -> float:
     """OP that the loop settles at after a unit set-point step [OP]."""
-    if model.process == "integrating":
+    if model.process == INTEGRATING:
         return 0.0
     return float(_final_value(model, settings, "setpoint") / model.gain)
 

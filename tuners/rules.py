@@ -17,6 +17,7 @@ from tuners.imc import (
 )
 from tuners.kaya import chakraborty, kaya_ist2e, kaya_ist2e_exact, kaya_iste, kaya_iste_exact
 from tuners.levels import averaging
+from tuners.models import INTEGRATING, SELF_REGULATING
 from tuners.reaction_curve import (
     amigo,
     amigo_pi,
@@ -29,11 +30,7 @@ from tuners.settings import Settings
 from tuners.simc import simc_pd, simc_pi, simc_pi_improved, simc_pid
 from tuners.ultimate import luyben_pid, tyreus_luyben, ziegler_nichols, ziegler_nichols_pi
 
-__all__ = ["RULES", "Rule", "simc_pd", "simc_pi", "simc_pid"]
-
-INTEGRATING = ("integrating",)
-SELF_REGULATING = ("self-regulating",)
-BOTH = INTEGRATING + SELF_REGULATING
+BOTH = (INTEGRATING, SELF_REGULATING)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +91,7 @@ def _rule(
     source: str,
     structure: str,
     form: str = "standard",
-    processes: tuple[str, ...] = INTEGRATING,
+    processes: tuple[str, ...] = (INTEGRATING,),
     parameters: tuple[str, ...] = (),
     required: tuple[str, ...] = (),
     arrays: bool = True,
@@ -110,7 +107,7 @@ RULES: dict[str, Rule] = {
         simc_pi_improved,
         "Grimholt & Skogestad 2012, IFAC PID'12",
         "PI",
-        processes=SELF_REGULATING,
+        processes=(SELF_REGULATING,),
         parameters=TIME,
     ),
     "imc-pi": _rule(imc_pi, RC02, "PI", parameters=TIME),
@@ -122,7 +119,7 @@ RULES: dict[str, Rule] = {
         imc_pid_first_order,
         "Rivera, Morari & Skogestad 1986, IEC Proc. Des. Dev. 25, 252-265",
         "PID",
-        processes=SELF_REGULATING,
+        processes=(SELF_REGULATING,),
         parameters=TIME,
     ),
     "lambda-pi": _rule(
@@ -159,8 +156,8 @@ RULES: dict[str, Rule] = {
     "ziegler-nichols-step-pi": _rule(
         ziegler_nichols_step_pi, f"{ZN42}, reaction curve", "PI", processes=BOTH
     ),
-    "cohen-coon": _rule(cohen_coon, CC53, "PID", processes=SELF_REGULATING),
-    "cohen-coon-pi": _rule(cohen_coon_pi, CC53, "PI", processes=SELF_REGULATING),
+    "cohen-coon": _rule(cohen_coon, CC53, "PID", processes=(SELF_REGULATING,)),
+    "cohen-coon-pi": _rule(cohen_coon_pi, CC53, "PI", processes=(SELF_REGULATING,)),
     "amigo": _rule(
         amigo, f"Åström & Hägglund 2004, J. Process Control 14, 635-650; {AH06}", "PID", processes=BOTH
     ),

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
-from tuners.blocks import find_block
-from tuners.faceplate import to_block
-from tuners.models import IntegratingModel, Model, SelfRegulatingModel
+from tuners.blocks import Block, find_block
+from tuners.faceplate import Faceplate, to_block
+from tuners.models import INTEGRATING, SELF_REGULATING, IntegratingModel, Model, SelfRegulatingModel
+from tuners.relay import relay_ifopdt, relay_ipdt
 from tuners.responses import Response, closed_loop_response
 from tuners.robustness import margins
 from tuners.rules import RULES, Rule
@@ -29,29 +30,36 @@ COLUMNS = {
 SORTABLE = ("rule", *COLUMNS, "mt", "settling_time")
 
 
+class Suggested(NamedTuple):
+    """Answers to one question, as rows of a table."""
+
+    rows: list[dict[str, Any]]
+    """A row per rule, the best in the column asked for first."""
+    skipped: dict[str, str]
+    """Rules that do not serve, and why."""
+    responses: dict[str, tuple[Response, Response]]
+    """By rule: after a set-point step, and after a load step."""
+
+
 def suggest(
-    *,
     rule: str | None,
-    gain: float | None,
-    dead_time: float | None,
-    lag: float = 0.0,
-    lag2: float = 0.0,
-    process: str = "integrating",
+    model: Model,
+    *,
     form: str | None = None,
     block: str | None = None,
     pv_span: float = 100.0,
     op_span: float = 100.0,
     sort: str = "iae_load",
     **parameters: float | None,
-) -> tuple[list[dict[str, Any]], dict[str, str], dict[str, tuple[Response, Response]]]:
-    """Rows of the table, the rules that were skipped with the reason, and the responses of each row.
+) -> Suggested:
+    """Return settings by one rule or all, with robustness and predicted responses.
 
     Parameters
     ----------
     rule
         Name of a rule, or 'all'.
-    gain, dead_time, lag, lag2, process
-        Process model: [PV/(OP s)] or [PV/OP], times [s].
+    model
+        Process model; see `model_of` and `model_of_relay`.
     form, block
         Form, or id of a vendor block; None: the rule's own form.
     pv_span, op_span
@@ -65,8 +73,13 @@ def suggest(
     ------
     ValueError
         For any wrong input, saying what is accepted.
+
+    Examples
+    --------
+    >>> found = suggest("simc-pi", IntegratingModel(gain=0.05, dead_time=4.0))
+    >>> found.rows[0]["kp"], found.rows[0]["ti"], round(found.rows[0]["ms"], 2)
+    (2.5, 32.0, 1.7)
     """
-    model = _model(process, gain, dead_time, lag, lag2)
     if rule != "all" and rule not in RULES:
         raise ValueError(f"rule = {rule!r}: must be all or one of {', '.join(RULES)}")
     if sort not in SORTABLE:
@@ -77,20 +90,86 @@ def suggest(
         raise ValueError("form, block: give one of them, a block has its own form")
     given = {name: _finite(name, value) for name, value in parameters.items() if value is not None}
     faceplate = find_block(block) if block is not None else None
-    rows, skipped, curves = [], {}, {}
+    out = Suggested([], {}, {})
     for name in RULES if rule == "all" else (str(rule),):
         try:
             settings, plate = _settings(RULES[name], model, given, form, faceplate, (pv_span, op_span))
-            rows.append(_row(name, RULES[name], model, settings))
-            curves[name] = _responses(model, settings)
+            row = _row(name, RULES[name], model, settings)
+            out.responses[name] = _responses(model, settings)
         except ValueError as reason:
             if rule != "all":
                 raise
-            skipped[name] = str(reason)
+            out.skipped[name] = str(reason)
             continue
-        rows[-1] |= _predicted(*curves[name]) | _shown(plate)
-    rows.sort(key=lambda row: (row[sort] is None, row[sort] if row[sort] is not None else 0))
-    return rows, skipped, curves
+        out.rows.append(row | _predicted(*out.responses[name]) | _shown(plate))
+    out.rows.sort(key=lambda row: (row[sort] is None, row[sort] if row[sort] is not None else 0))
+    return out
+
+
+def model_of(
+    process: str, gain: float | None, dead_time: float | None, lag: float = 0.0, lag2: float = 0.0
+) -> Model:
+    """Return a model of numbers as a user gives them.
+
+    Parameters
+    ----------
+    process
+        'integrating' or 'self-regulating'.
+    gain
+        Signed [PV/(OP s)] or [PV/OP].
+    dead_time, lag, lag2
+        Times; a second lag for self-regulating processes only [s].
+
+    Raises
+    ------
+    ValueError
+        A number is missing or not acceptable.
+    """
+    gain, dead_time = _finite("gain", gain), _finite("dead_time", dead_time)
+    lag, lag2 = _finite("lag", lag), _finite("lag2", lag2)
+    if process == SELF_REGULATING:
+        return SelfRegulatingModel(gain, dead_time, lag, lag2)
+    if process != INTEGRATING:
+        raise ValueError(f"process = {process!r}: must be integrating or self-regulating")
+    if lag2 != 0:
+        raise ValueError(f"lag2 = {lag2:g}: is for self-regulating processes, must be 0")
+    return IntegratingModel(gain, dead_time, lag)
+
+
+def model_of_relay(
+    output: float | None, period: float | None, amplitude: float | None, gain: float | None = None
+) -> IntegratingModel:
+    """Return the integrating model that a relay test shows, as a user gives its numbers.
+
+    Parameters
+    ----------
+    output
+        Height of the relay: OP went up and down by as much [OP].
+    period, amplitude
+        Of the limit cycle; the amplitude is half of peak to peak [s], [PV].
+    gain
+        Known gain, signed, which shows the lag too; None: no lag, and a positive gain [PV/(OP s)].
+
+    Raises
+    ------
+    ValueError
+        A number is missing or not acceptable.
+
+    Examples
+    --------
+    >>> model_of_relay(output=1.0, period=16.0, amplitude=0.2)
+    IntegratingModel(gain=0.05, dead_time=4.0, lag=0.0)
+    """
+    named = {"relay_output": output, "relay_period": period, "relay_amplitude": amplitude}
+    for name, value in named.items():
+        if _finite(name, value) <= 0:
+            raise ValueError(f"{name.replace('_', '-')} = {value}: must be above 0")
+    relay, period, amplitude = (_finite(name, value) for name, value in named.items())
+    if gain is None:
+        return relay_ipdt(relay, period, amplitude)
+    if _finite("gain", gain) == 0:
+        raise ValueError("gain = 0: must be a number other than 0")
+    return relay_ifopdt(gain, relay, period, amplitude)
 
 
 def _finite(name: str, value: float | None) -> float:
@@ -100,27 +179,14 @@ def _finite(name: str, value: float | None) -> float:
     return value
 
 
-def _model(process: str, gain: float | None, dead_time: float | None, lag: float, lag2: float) -> Model:
-
-    gain, dead_time = _finite("gain", gain), _finite("dead_time", dead_time)
-    lag, lag2 = _finite("lag", lag), _finite("lag2", lag2)
-    if process == "self-regulating":
-        return SelfRegulatingModel(gain, dead_time, lag, lag2)
-    if process != "integrating":
-        raise ValueError(f"process = {process!r}: must be integrating or self-regulating")
-    if lag2 != 0:
-        raise ValueError(f"lag2 = {lag2:g}: is for self-regulating processes, must be 0")
-    return IntegratingModel(gain, dead_time, lag)
-
-
 def _settings(
     rule: Rule,
     model: Model,
     given: dict[str, float],
     form: str | None,
-    block: Any,
+    block: Block | None,
     spans: tuple[float, float],
-) -> tuple[Settings, Any]:
+) -> tuple[Settings, Faceplate | None]:
     """Return the settings in the form that was asked for, and the faceplate where a block was."""
     if model.process not in rule.processes:
         raise ValueError(
@@ -166,7 +232,7 @@ def _predicted(setpoint: Response, load: Response) -> dict[str, Any]:
     }
 
 
-def _shown(plate: Any) -> dict[str, Any]:
+def _shown(plate: Faceplate | None) -> dict[str, Any]:
     """Return the fields of the block as its faceplate shows them."""
     if plate is None:
         return {}

@@ -13,6 +13,7 @@ Examples:
   loopsight tune --rule all --gain -0.02 --dead-time 60 --lag 30 --sort ms
   loopsight tune --rule simc-pid --gain 1.2 --dead-time 5 --lag 40
                  --process self-regulating --block logix-pide-independent --json
+  loopsight tune --rule simc-pi --relay-output 5 --relay-period 60 --relay-amplitude 1.5
 """
 
 
@@ -56,6 +57,13 @@ def _show_version(ctx: click.Context, _param: click.Parameter, value: bool) -> N
 @click.option("--lag", type=float, default=0.0, show_default=True, help="Lag [s].")
 @click.option("--lag2", type=float, default=0.0, help="Second lag, self-regulating only [s].")
 @click.option("--process", default="integrating", show_default=True, help="integrating or self-regulating.")
+@click.option(
+    "--relay-output", type=float, help="Relay test in place of dead time: OP went up and down by it [OP]."
+)
+@click.option("--relay-period", type=float, help="Relay test: period of the cycle [s].")
+@click.option(
+    "--relay-amplitude", type=float, help="Relay test: half of PV's peak to peak [PV]; with --gain: lag too."
+)
 @click.option("--closed-loop-time", type=float, help="Closed-loop time constant [s]; default: the rule's.")
 @click.option("--delta", type=float, help="di-ruscio: largest relative dead-time error.")
 @click.option("--c", type=float, help="di-ruscio: method product.")
@@ -82,7 +90,8 @@ def tune(as_json: bool, as_list: bool, plot: str | None, **options: Any) -> None
         if as_list:
             _print_list(as_json)
             return
-        rows, skipped, curves = suggest(**options)
+        model = _model(options)
+        rows, skipped, curves = suggest(model=model, **options)
         if plot:
             _plot(plot, curves)
     except ValueError as error:
@@ -97,6 +106,33 @@ def tune(as_json: bool, as_list: bool, plot: str | None, **options: Any) -> None
         _print_table(rows, skipped)
         if plot:
             click.echo(f"responses: {plot}")
+
+
+_RELAY = ("output", "period", "amplitude")
+
+
+def _model(options: dict[str, Any]) -> Any:
+    """Take the options of the process out of all options; the model by a relay test is said on stderr."""
+    from tuners.models import INTEGRATING
+    from tuners.suggest import model_of, model_of_relay
+
+    relay = {name: options.pop(f"relay_{name}") for name in _RELAY}
+    process = {name: options.pop(name) for name in ("process", "gain", "dead_time", "lag", "lag2")}
+    if all(value is None for value in relay.values()):
+        return model_of(**process)
+    if (
+        process["dead_time"] is not None
+        or process["lag"]
+        or process["lag2"]
+        or process["process"] != INTEGRATING
+    ):
+        raise ValueError("relay: shows dead time and lag of an integrating process, give none of them")
+    model = model_of_relay(**relay, gain=process["gain"])
+    click.echo(
+        f"relay test: gain {model.gain:.4g} PV/(OP s), dead time {model.dead_time:.4g} s, lag {model.lag:.4g} s",
+        err=True,
+    )
+    return model
 
 
 def _number(value: float | str | None, name: str = "") -> str:

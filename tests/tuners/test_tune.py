@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from monitor.cli.tune import EPILOG, tune
 from tuners.blocks import BLOCKS, find_block
 from tuners.faceplate import from_block
-from tuners.models import IntegratingModel
+from tuners.models import IntegratingModel, SelfRegulatingModel
 from tuners.responses import closed_loop_response
 from tuners.robustness import margins
 from tuners.rules import RULES
@@ -84,7 +84,7 @@ def test_table_lists_every_rule_sorted_by_the_chosen_column():
 
 def test_unstable_rows_are_marked():
     """Shinskey's rule on a model that is all lag: half of it as dead time is not enough."""
-    rows, *_ = suggest(rule="ziegler-nichols-step", gain=1.0, dead_time=1.0, lag=40.0)
+    rows, *_ = suggest("ziegler-nichols-step", IntegratingModel(1.0, 1.0, 40.0))
     assert rows[0]["stable"] == (rows[0]["ms"] is not None)
     found = run("--rule", "imc-pid", "--gain", 1, "--dead-time", 1, "--lag", 60, "--closed-loop-time", 0.3)
     assert "imc-pid (unstable)" in found.stdout
@@ -228,7 +228,7 @@ def test_help_has_examples_that_run():
     assert "loopsight tune --rule simc-pi" in found.stdout
     joined = EPILOG.replace("\n                 ", " ")
     examples = [line.split()[2:] for line in joined.splitlines() if line.strip().startswith("loopsight")]
-    assert len(examples) == 3
+    assert len(examples) == 4
     for example in examples:
         assert run(*example).exit_code == 0
 
@@ -251,9 +251,47 @@ def test_help_imports_nothing_heavy():
 
 
 def test_numbers_are_finite_or_null():
-    rows, skipped, curves = suggest(rule="all", gain=2.0, dead_time=5.0, lag=20.0, process="self-regulating")
+    rows, skipped, curves = suggest("all", SelfRegulatingModel(2.0, 5.0, 20.0))
     assert set(curves) == {row["rule"] for row in rows}
     assert skipped
     for row in rows:
         for value in row.values():
             assert not isinstance(value, float) or math.isfinite(value)
+
+
+def test_relay_test_in_place_of_dead_time_and_lag():
+    """Kaya 2018's first example: 1/(s (s + 1)) with a dead time of 3 s, under a relay of 1."""
+    cycle = ["--relay-output", 1, "--relay-period", 15.9446, "--relay-amplitude", 3.2933]
+    found = run("--rule", "simc-pid", *cycle, "--gain", 1, "--json")
+    row = run_json("--rule", "simc-pid", "--gain", 1, "--dead-time", 3, "--lag", 1)
+    assert json.loads(found.stdout)["kp"] == pytest.approx(row["kp"], rel=2e-3)
+    assert found.stderr.startswith("relay test: gain 1 PV/(OP s), dead time 3")
+    ipdt = run(
+        "--rule", "simc-pi", "--relay-output", 1, "--relay-period", 16, "--relay-amplitude", 0.2, "--json"
+    )
+    assert json.loads(ipdt.stdout)["ti"] == 32.0
+
+
+@pytest.mark.parametrize(
+    ("extra", "names"),
+    [
+        (["--relay-period", 16], "relay-output = None: must be given"),
+        (
+            ["--relay-period", 0, "--relay-output", 1, "--relay-amplitude", 1],
+            "relay-period = 0.0: must be above 0",
+        ),
+        (
+            ["--relay-period", 16, "--relay-output", 1, "--relay-amplitude", 1, "--dead-time", 3],
+            "relay: shows",
+        ),
+        (["--relay-period", 16, "--relay-output", 1, "--relay-amplitude", 1, "--gain", 0], "gain = 0"),
+        (
+            ["--relay-period", 16, "--relay-output", 1, "--relay-amplitude", 9, "--gain", 1],
+            "no lag explains it",
+        ),
+    ],
+)
+def test_relay_test_that_says_too_little_or_too_much(extra, names):
+    found = run("--rule", "simc-pi", *extra)
+    assert (found.exit_code, found.stderr.count("\n")) == (2, 1)
+    assert names in found.stderr

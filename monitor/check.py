@@ -91,9 +91,9 @@ def _unused(path: Path, table: LoopTable) -> list[str]:
     ruled = [loop for loop in table if loop.rule]
     if not ruled:
         return []
-    from monitor.advise.candidates import unfit  # noqa: PLC0415 (compiles: only where a rule is named)
+    from monitor.advise.candidates import rule_mismatch  # noqa: PLC0415 (compiles: only where a rule is named)
 
-    wrong = [(loop, why) for loop in ruled if (why := unfit(loop, loop.process))]
+    wrong = [(loop, why) for loop in ruled if (why := rule_mismatch(loop, loop.process))]
     return [f"{path}: loop {loop.name}: rule: {loop.rule!r} is not used: {why}" for loop, why in wrong]
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from monitor.assess.event import Finding, assess_event
@@ -23,9 +22,9 @@ from monitor.detect.state import BY_GAP, BY_SETTINGS, CLOSED, COUNTS, LOAD_STEP,
 from monitor.health.loop_health import figures
 from monitor.identify.direct import model_response
 from monitor.identify.fit import Array
-from monitor.verdict.history import Case
-from monitor.verdict.row import worst_first
-from monitor.verdict.tree import conclude
+from monitor.verdict.history import LoopHistory
+from monitor.verdict.parts import Tuning
+from monitor.verdict.row import loop_row, says_new, worst_first
 
 
 class Engine:
@@ -40,7 +39,7 @@ class Engine:
     def __init__(self, loops: LoopTable) -> None:
         self.loops = loops
         self.detector = Detector(list(loops))
-        self._cases: dict[int, Case] = {}
+        self._histories: dict[int, LoopHistory] = {}
         self._pending: list[tuple[Any, Array]] = []
         self._retired: Counter[str] = Counter()
         """What became of the samples of loops that are watched no more."""
@@ -73,9 +72,9 @@ class Engine:
         """
         records = self._finish(row, BY_SETTINGS)
         self.loops.replace(row, loop)
-        case = self._cases.get(row)
-        if case is not None:
-            case.retune(self.loops[row], int(self.detector.state["time"][row]) + 1)
+        history = self._histories.get(row)
+        if history is not None:
+            history.retune(self.loops[row], int(self.detector.state["time"][row]) + 1)
         return records
 
     def set_back(self, row: int, first: int) -> list[Record]:
@@ -89,7 +88,7 @@ class Engine:
         records = self._finish(row, BY_GAP)
         for name in COUNTS:
             self._retired[name] += int(self.detector.state[name][row])
-        self._cases.pop(row, None)
+        self._histories.pop(row, None)
         self.detector.forget(row)
         return records
 
@@ -158,17 +157,17 @@ class Engine:
         if not finding.is_event:
             self.disturbances += 1
             return []
-        case = self._cases.setdefault(row, Case())
-        finding = case.take(finding, loop)
+        history = self._histories.setdefault(row, LoopHistory())
+        finding = history.add(finding, loop)
         records: list[Record] = [] if finding.record.kind == SETPOINT else [_closing(finding.record)]
         records += [finding.record, _window(event, window, finding)]
         standing = self._row(row, event["loop_health"], event["loop_state"])
-        case.verdict = standing.verdict
+        history.verdict = standing.verdict
         if standing.new_kp is None:
-            case.said = None
-        elif case.said is None or _changed(case.said, standing):
-            case.said = standing
-            evidence = tuple(f.record.id for f in case.usable)
+            history.published = None
+        elif history.published is None or says_new(history.published, standing):
+            history.published = standing
+            evidence = tuple(f.record.id for f in history.usable)
             records.append(Suggestion(row=standing, evidence=evidence))
         return records
 
@@ -180,13 +179,10 @@ class Engine:
 
     def _row(self, row: int, health: Any, state: Any) -> LoopRow:
         """Return a loop's row with its health as the detector's records of some moment have it."""
-        loop = self.loops[row]
-        case = self._cases.get(row)
-        seen = None if case is None else case.row
-        out = LoopRow(loop=loop.name) if seen is None else msgspec.structs.replace(seen)
-        if loop.kp is not None:
-            out.kp, out.ti, out.td, out.tf = loop.kp, loop.ti, loop.td, loop.filter_time
-        return conclude(out, loop, figures(health, float(state["period"]), out.dead_time))
+        history = self._histories.get(row)
+        tuning = Tuning() if history is None else history.tuning
+        seen = figures(health, float(state["period"]), tuning.model.get("dead_time"))
+        return loop_row(self.loops[row], tuning, seen)
 
     def rows(self) -> list[LoopRow]:
         """Return one row for each loop, worst first: by verdict, then by index, then by name."""
@@ -195,8 +191,8 @@ class Engine:
 
     def verdict(self, row: int) -> str | None:
         """Return a loop's verdict as of its last event, None where nothing was assessed."""
-        case = self._cases.get(row)
-        return None if case is None else case.verdict
+        history = self._histories.get(row)
+        return None if history is None else history.verdict
 
     def is_open(self, row: int) -> bool:
         """Whether an event of this loop is open."""
@@ -210,12 +206,6 @@ class Engine:
 def _closing(record: Assessment) -> Event:
     """Return the event of a load step that has proved to be one."""
     return Event(**{name: getattr(record, name) for name in Event.__struct_fields__})
-
-
-def _changed(old: LoopRow, new: LoopRow) -> bool:
-    """Whether a suggestion says something new."""
-    names = ("rule", "new_kp", "new_ti", "new_td", "new_tf")
-    return any(getattr(old, name) != getattr(new, name) for name in names)
 
 
 def _window(event: Any, window: Array, finding: Finding) -> Window:

@@ -146,7 +146,7 @@ def named_candidates(name: str, model: Model, times: Array) -> tuple[Array, Sett
     return times, Settings(kp, ti, td, tf, made.form)
 
 
-def unfit(loop: Loop, process: str) -> str:
+def rule_mismatch(loop: Loop, process: str) -> str:
     """Say why the rule that the loop table names is not for this loop; empty where it is, or where none is named.
 
     Parameters

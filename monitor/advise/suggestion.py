@@ -37,8 +37,8 @@ from .candidates import (
     named_candidates,
     op_noise,
     reference_candidates,
+    rule_mismatch,
     search,
-    unfit,
 )
 from .region import uncertain_models, worst_peaks
 from .stages import rounded, stacked, stages
@@ -128,7 +128,7 @@ def advise(loop: Loop, fit: Fit, noise: float, period: float, ms: float | None) 
     structure = reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), period)
     times = tc * np.geomspace(1.0, SLOWEST, TIMES)
-    name = loop.rule if loop.rule and not unfit(loop, fit.process) else RULE[structure]
+    name = loop.rule if loop.rule and not rule_mismatch(loop, fit.process) else RULE[structure]
     try:
         if name == RULE[structure]:
             candidates = reference_candidates(loop, model, structure, times)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.contract.loops import Loop, lives_with_offset
+from monitor.contract.loops import Loop, offset_intended
 from monitor.detect.state import CAUSES, INTERRUPTED, LOAD_STEP, SETPOINT_STEP, SETTLED, STATES
 from monitor.identify.fit import Array, Fit
 from monitor.identify.integrals import setpoint_integrals
@@ -130,7 +130,7 @@ def evidence_against(  # noqa: C901 (one if for each reason)
     # a slow tail, as of an integral time longer than the event, is no rest
     time_enough = loop.kp is None or math.isinf(loop.ti) or event["wall"] > TAIL * loop.ti
     at_rest = STATES[event["state"]] == SETTLED and time_enough
-    if at_rest and not lives_with_offset(loop) and abs(offset) > max(0.05 * size, 3.0 * event["sd_e"]):
+    if at_rest and not offset_intended(loop) and abs(offset) > max(0.05 * size, 3.0 * event["sd_e"]):
         why = (
             "no integral action"
             if loop.kp is not None and math.isinf(loop.ti)

@@ -26,7 +26,7 @@ def current_sensitivity(loop: Loop, model: Model | None, period: float) -> float
     return float(peak_sensitivity(held(model, period), settings))
 
 
-def trap(loop: Loop, model: Model) -> str:
+def integral_too_strong(loop: Loop, model: Model) -> str:
     """Explain too much integral action on an integrator, empty where that is not the case.
 
     With a small dead time the damping is ``sqrt(Kc K Ti)/2``: below 2 the loop rolls, and *lowering* the
@@ -75,7 +75,7 @@ def judge(
         if value < loop.ci_min:
             reasons.append(f"{name} = {value:.2f} ({loop.ci_min:.2g} at least{shape})")
     if reasons:
-        cause = trap(loop, model)
+        cause = integral_too_strong(loop, model)
         return RETUNE, "; ".join([*reasons, cause] if cause else reasons)
     if not wanted and any(value is not None for value in ci):
         return INCONCLUSIVE, f"no index for what the loop is there for: its objective is {loop.objective}"
@@ -91,7 +91,7 @@ def _judge_averaging(loop: Loop, model: Model, ms: float | None) -> tuple[str, s
     """Judge a surge vessel by what it is for: gentle, not tight."""
     if ms is not None and ms > MARGIN * loop.ms_max:
         return RETUNE, f"averaging level too close to instability: Ms = {ms:.2f}"
-    cause = trap(loop, model)
+    cause = integral_too_strong(loop, model)
     if cause:
         return RETUNE, f"averaging level: {cause}"
     return GOOD, "averaging level: judged by damping and robustness, not by speed"

@@ -29,7 +29,7 @@ from monitor.contract.records import WORST_FIRST
 from monitor.contract.text import short, visible
 from monitor.contract.times import iso
 from monitor.verdict.row import worst_first
-from monitor.verdict.stale import tell
+from monitor.verdict.stale import is_stale, mark_stale, patience_of_export
 
 from .result import PARTS, AuditResult
 from .tasks import Part, Progress, plan, run_all
@@ -37,9 +37,6 @@ from .tasks import Part, Progress, plan, run_all
 SCHEMA = 1
 MOST_LISTED = 20
 """Different texts in place of values that ``audit.json`` lists, the most frequent."""
-STALE_PERIODS, STALE_SECONDS, STALE_SHARE = 3.0, 3600.0, 0.01
-"""Sample periods, seconds, and share of the time from first to last, by which a loop's good samples must all end
-before the newest of the export to call it stale."""
 MOST_LINES = 5
 """Lines per file that are named on the terminal; all kept ones are in ``audit.json``."""
 
@@ -170,7 +167,7 @@ class Audit:
             return AuditResult(2, [*self.problems, *self._nothing(tally, samples)])
         events = sorted((e for p in self.parts for e in p.events), key=lambda e: (e.loop, e.start, e.id))
         seconds = all(s.clock.numeric for s in self.sources)
-        self._tell_silence(seconds)
+        self._mark_stale(seconds)
         rows = sorted((r for p in self.parts for r in p.rows), key=worst_first)
         self.out.mkdir(parents=True, exist_ok=True)
         files = write_tables(self.out, events, rows, seconds=seconds)
@@ -195,19 +192,16 @@ class Audit:
         self._tidy()
         return AuditResult(0, self.problems, rows, events, [*files, self.out / "audit.json"], counts)
 
-    def _tell_silence(self, seconds: bool) -> None:
-        """Mark the loops whose good samples end well before the newest of all.
-
-        A historian that writes what changes is silent for a while: an hour, or a hundredth of the whole time, is none.
-        """
+    def _mark_stale(self, seconds: bool) -> None:
+        """Mark the loops whose good samples end well before the newest of all."""
         first, newest = self._reach()
-        least = max(STALE_SECONDS, STALE_SHARE * (newest - first) * 1e-9)
+        patience = patience_of_export(first, newest)
         for part in self.parts:
-            for row in part.rows:
+            for k, row in enumerate(part.rows):
                 last = part.last[row.loop]
-                stale = (newest - last.time) * 1e-9 > max(least, STALE_PERIODS * last.period)
-                when = f"{last.time * 1e-9:.10g} s" if seconds else iso(last.time)
-                tell(row, last, when if stale else None)
+                stale = is_stale((newest - last.time) * 1e-9, last.period, patience)
+                since = f"{last.time * 1e-9:.10g} s" if seconds else iso(last.time)
+                part.rows[k] = mark_stale(row, last, since if stale else None)
 
     def _reach(self) -> tuple[int, int]:
         """Return the times of the first and the newest sample of all loops [ns since 1970]."""

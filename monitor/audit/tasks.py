@@ -25,7 +25,7 @@ from monitor.adapters.historian.source import Source
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment, LoopRow, Record
 from monitor.engine import Engine
-from monitor.verdict.stale import Last, last_of
+from monitor.verdict.stale import LastSample, last_of
 
 MOST_ROWS = 50_000_000
 """Rows of a task: what `--resume` loses at most, a second or two of detection."""
@@ -36,7 +36,7 @@ class Part(msgspec.Struct):
 
     events: list[Assessment] = []
     rows: list[LoopRow] = []
-    last: dict[str, Last] = {}
+    last: dict[str, LastSample] = {}
     """How each loop's samples ended."""
     first: int | None = None
     """Time of the first sample of any loop, good or bad [ns since 1970]."""

@@ -89,7 +89,7 @@ class Loop(msgspec.Struct, frozen=True, kw_only=True):
         return self.op_high - self.op_low
 
 
-def lives_with_offset(loop: Loop) -> bool:
+def offset_intended(loop: Loop) -> bool:
     """Whether an offset is meant: a surge vessel, or a controller declared without integral action."""
     return loop.objective == "averaging" or loop.controller in {"p", "pd"}
 

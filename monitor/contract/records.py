@@ -76,7 +76,7 @@ class Assessment(msgspec.Struct, frozen=True, kw_only=True):
     """T0 by the running integrals alone [s]."""
 
 
-class LoopRow(msgspec.Struct, kw_only=True):
+class LoopRow(msgspec.Struct, frozen=True, kw_only=True):
     """One loop as it stands: a row of ``loops.parquet``."""
 
     loop: str

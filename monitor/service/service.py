@@ -30,7 +30,7 @@ from monitor.contract.times import iso, time_of
 from monitor.detect.detector import Detector
 from monitor.engine import Engine
 from monitor.verdict.row import worst_first
-from monitor.verdict.stale import last_of, tell
+from monitor.verdict.stale import LIVE, is_stale, last_of, mark_stale
 from monitor.wire.arrow import encode_trend, encode_window
 from monitor.wire.decode import Decoder
 from monitor.wire.encode import FRAME_MIME, JSON_MIME, decode_event, encode_record, to_json
@@ -66,10 +66,6 @@ RETRY = 1.0
 """Pause before a store that failed is tried again [s]."""
 MOST_UNKEPT = 10_000
 """Records that wait for a store that fails; beyond, the oldest are given up and counted."""
-STALE_PERIODS, STALE_SECONDS = 3.0, 10.0
-"""Sample periods without a good sample, and the least time [s], after which a loop counts as stale."""
-STALE_UNKNOWN = 600.0
-"""The same while a loop's period is not known yet [s]."""
 NEVER_GOOD = 30
 """Bad samples of a loop without a single good one after which it counts as stale, too."""
 STALE_EVERY = 1.0
@@ -540,15 +536,13 @@ class Service:
         """Notice loops that send bad samples, or none, for three periods; say what has changed, in a line."""
         n = len(self.engine.detector.state)
         state = self.engine.detector.state
-        limit = np.maximum(STALE_PERIODS * state["period"], STALE_SECONDS)
-        limit = np.where(state["period"] > 0, limit, STALE_UNKNOWN)
+        period = state["period"]
         order = self.order.state[:n]
         seen, spoilt = state["seen"] > 0, state["spoilt"]
         heard = seen | (spoilt >= NEVER_GOOD)
         # what a clock says of the last good sample, and, for values out of range, what the samples' own times say
-        quiet = (now - order["arrival"] > limit) | (
-            (spoilt > 0) & ((order["newest"] - state["time"]) * 1e-9 > limit)
-        )
+        behind = is_stale((order["newest"] - state["time"]) * 1e-9, period, LIVE)
+        quiet = is_stale(now - order["arrival"], period, LIVE) | ((spoilt > 0) & behind)
         found = set(np.flatnonzero(heard & (quiet | ~seen)).tolist())
         silent = bool(found) and len(found) == int(heard.sum())
         if silent != self.silent:
@@ -573,7 +567,7 @@ class Service:
     def row(self, number: int) -> LoopRow:
         """Return a loop's row, marked where nothing comes from it any more."""
         last = last_of(self.engine.detector.state[number])
-        return tell(self.engine.row(number), last, iso(last.time) if number in self._stale else None)
+        return mark_stale(self.engine.row(number), last, iso(last.time) if number in self._stale else None)
 
     def rows(self) -> list[LoopRow]:
         """Return all loops' rows, worst first."""

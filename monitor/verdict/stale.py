@@ -1,18 +1,62 @@
-"""What a loop's row says where no good samples come, or come no more; the same words live and in the audit."""
+"""When a loop is stale, and what its row says where no good samples come, or come no more: live and in the audit."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from monitor.contract.records import NOT_ASSESSED, LoopRow
 
 STALE = "stale"
 """The flag."""
+SILENT_PERIODS = 3.0
+"""Sample periods without a good sample after which a loop is stale, at the earliest."""
+EXPORT_SHARE = 0.01
+"""Share of an export's time for which a loop may be silent at its end: a historian that writes what changes is
+silent for a while."""
 
 
-class Last(msgspec.Struct, frozen=True):
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """For how long a silence is none, however fast the loop is sampled."""
+
+    least: float
+    """[s]"""
+    unknown: float
+    """While the loop's period is not known [s]."""
+
+
+LIVE = Patience(least=10.0, unknown=600.0)
+
+
+def patience_of_export(first: int, newest: int) -> Patience:
+    """Return how long a loop may be silent at the end of an export from ``first`` to ``newest`` [ns], an hour at least.
+
+    All loops' samples must end together, whether their period is known or not.
+    """
+    least = max(3600.0, EXPORT_SHARE * (newest - first) * 1e-9)
+    return Patience(least, unknown=least)
+
+
+def is_stale(silence: Any, period: Any, patience: Patience) -> NDArray[np.bool_]:
+    """Whether loops are stale.
+
+    Parameters
+    ----------
+    silence
+        From the last good sample to now: the newest sample's time, or a clock's [s].
+    period
+        Of the samples [s]; 0 where it is not known.
+    """
+    least = np.maximum(SILENT_PERIODS * np.asarray(period), patience.least)
+    return np.asarray(silence > np.where(np.asarray(period) > 0, least, patience.unknown))
+
+
+class LastSample(msgspec.Struct, frozen=True):
     """How a loop's samples ended."""
 
     time: int
@@ -22,39 +66,38 @@ class Last(msgspec.Struct, frozen=True):
     good: int
     bad_value: int
     bad_quality: int
-    spoilt: int
+    bad_run: int
     """Bad ones since the last good one."""
 
 
-def last_of(state: Any) -> Last:
+def last_of(state: Any) -> LastSample:
     """Read it from a loop's state (dtype `STATE`)."""
     counts = (int(state[n]) for n in ("ok", "bad_value", "bad_quality", "spoilt"))
-    return Last(int(state["time"]), float(state["period"]), *counts)
+    return LastSample(int(state["time"]), float(state["period"]), *counts)
 
 
-def tell(row: LoopRow, last: Last, when: str | None) -> LoopRow:
-    """Write into a row what is to be said of silence; the row is changed and returned.
+def mark_stale(row: LoopRow, last: LastSample, since: str | None) -> LoopRow:
+    """Return a row with what is to be said of silence.
 
     Parameters
     ----------
-    when
+    since
         The time of the last good sample, in words, of a loop that is stale; None: it is not.
     """
     if last.good == 0:
-        if row.verdict == NOT_ASSESSED:
-            row.reason = f"no data: {_nothing(last)}"
+        if row.verdict != NOT_ASSESSED:
+            return row
+        return msgspec.structs.replace(row, reason=f"no data: {_nothing(last)}")
+    if since is None:
         return row
-    if when is None:
-        return row
-    said = f"nothing but bad samples ({last.spoilt})" if last.spoilt else "no sample"
-    said = f"{said} since {when}"
-    row.flags = (*row.flags, STALE)
+    said = f"nothing but bad samples ({last.bad_run})" if last.bad_run else "no sample"
+    said = f"{said} since {since}"
     order = (said, row.reason) if row.verdict == NOT_ASSESSED else (row.reason, said)
-    row.reason = "; ".join(filter(None, order))
-    return row
+    reason = "; ".join(filter(None, order))
+    return msgspec.structs.replace(row, flags=(*row.flags, STALE), reason=reason)
 
 
-def _nothing(last: Last) -> str:
+def _nothing(last: LastSample) -> str:
     """Say why there is no good sample."""
     bad = last.bad_quality + last.bad_value
     if bad == 0:

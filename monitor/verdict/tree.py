@@ -13,44 +13,41 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from monitor.assess.reference import settings_of
-from monitor.assess.tuning import MARGIN, trap
-from monitor.contract.loops import Loop, lives_with_offset
-from monitor.contract.records import INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow
+from monitor.assess.tuning import MARGIN, integral_too_strong
+from monitor.contract.loops import Loop, offset_intended
+from monitor.contract.records import INCONCLUSIVE, NOT_ASSESSED, RETUNE
 from monitor.health.loop_health import Health
 from tuners.models import INTEGRATING, IntegratingModel, SelfRegulatingModel
 
-MANUAL = 0.5
+from .parts import Tuning
+
+MANUAL_SHARE = 0.5
 """Share of time in manual from which the loop is not in control."""
-AT_LIMIT = 0.3
+AT_LIMIT_SHARE = 0.3
 """Share of time at an output limit from which it is not in control."""
-TOUCHES_LIMIT = 0.05
+TOUCHES_LIMIT_SHARE = 0.05
 """Share of time at an output limit that is worth a word."""
-LEAST_COVERAGE = 0.5
+LEAST_LOOP_COVERAGE = 0.5
 """Share of time with good samples below which nothing is concluded; single events have their own, stricter rule."""
-COMPRESSED = 0.5
+COMPRESSED_SHARE = 0.5
 """Share of reconstructed points from which figures of shape and noise are the historian's, not the plant's."""
-STICKS = 0.5
+STICKS_INDEX = 0.5
 """Stiction index from which the valve is named."""
-FOLLOWS = 0.5
+SLAVE_SP_SHARE = 0.5
 """Share of samples at which the set point moves, from which the loop is a cascade's slave or follows a programme."""
-LED = 0.1
+LED_SP_SHARE = 0.1
 """Share of samples at which the set point moves, from which a cycle of the error may be the set point's own."""
-SAME_PERIOD = 2.0
+SAME_PERIOD_RATIO = 2.0
 """Factor between a loop's own period and the one seen, up to which its settings may be the cause."""
 
 WITHHOLDS, EXPLAINS, MARKS = "withholds", "explains", "marks"
 """What a branch does: overrules any verdict on the tuning (`inconclusive`); says why a loop was not assessed; or only
 sets its flag."""
-
-_SUGGESTION = (
-    "rule form new_kp new_ti new_td new_tf new_ki new_kd new_fields new_ms new_ms_worst new_ci new_op_noise "
-    "new_op_noise_abs stages new_overshoot new_iae_setpoint new_iae_load"
-).split()
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,60 +55,65 @@ class Branch:
     """One question of the tree: its flag, what it finds (in plain words, empty where nothing), and what to do."""
 
     flag: str
-    found: Callable[[Health, LoopRow, Loop], str]
+    found: Callable[[Health, Tuning, Loop], str]
     effect: str
     action: str
 
 
-def conclude(row: LoopRow, loop: Loop, health: Health) -> LoopRow:
-    """Write health into what the events say of the tuning, and walk the tree; the row is changed and returned."""
-    for f in fields(health):
-        if f.name in row.__struct_fields__:
-            setattr(row, f.name, getattr(health, f.name))
-    held = [(b, said) for b in TREE if (said := b.found(health, row, loop))]
-    row.flags = tuple(dict.fromkeys(b.flag for b, _ in held if b.flag))
+@dataclass(frozen=True, slots=True)
+class Conclusion:
+    """What is said of a loop."""
+
+    verdict: str
+    reason: str
+    action: str
+    flags: tuple[str, ...]
+    withheld: bool
+    """Nothing is suggested, whatever the events say."""
+
+
+def conclude(tuning: Tuning, loop: Loop, health: Health) -> Conclusion:
+    """Walk the tree: what health says comes before what the events say of the tuning."""
+    held = [(b, said) for b in TREE if (said := b.found(health, tuning, loop))]
+    flags = tuple(dict.fromkeys(b.flag for b, _ in held if b.flag))
     first = next(((b, said) for b, said in held if b.effect == WITHHOLDS), None)
     if first is not None:
-        return _withheld(row, *first)
-    if row.verdict == NOT_ASSESSED:
+        branch, said = first
+        return Conclusion(INCONCLUSIVE, _over(tuning, said), branch.action, flags, withheld=True)
+    reason, action = tuning.reason, tuning.action
+    if tuning.verdict == NOT_ASSESSED:
         why = next(((said, b.action) for b, said in held if b.effect == EXPLAINS), None)
-        row.reason, row.action = why or (
+        reason, action = why or (
             "no set-point or load step was seen",
             "none; a set-point step shows how the loop is tuned",
         )
-    return row
+    return Conclusion(tuning.verdict, reason, action, flags, withheld=False)
 
 
-def _withheld(row: LoopRow, branch: Branch, said: str) -> LoopRow:
-    """Put a branch's finding over the verdict on the tuning; there is no suggestion on that."""
-    parts = [said]
-    if row.verdict == RETUNE:
-        parts.append(f"a retune is withheld ({row.reason})")
-    elif row.verdict == INCONCLUSIVE:
-        parts.append(row.reason)
-    row.verdict, row.reason, row.action = INCONCLUSIVE, "; ".join(parts), branch.action
-    for name in _SUGGESTION:
-        setattr(row, name, None)
-    return row
+def _over(tuning: Tuning, said: str) -> str:
+    """Put a branch's finding before what the events said."""
+    if tuning.verdict == RETUNE:
+        return f"{said}; a retune is withheld ({tuning.reason})"
+    return f"{said}; {tuning.reason}" if tuning.verdict == INCONCLUSIVE else said
 
 
 # ---------------------------------------------------------------------------------------------------
 # what the branches look for
 
 
-def _no_data(health: Health, _row: LoopRow, _loop: Loop) -> str:
+def _no_data(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     return "no good sample was seen" if health.coverage is None else ""
 
 
-def _idle(health: Health, _row: LoopRow, _loop: Loop) -> str:
+def _idle(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     return "idle: set point, PV and output do not move" if health.idle else ""
 
 
-def _stuck(health: Health, _row: LoopRow, _loop: Loop) -> str:
+def _stuck(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     return "PV is frozen while the output moves" if health.stuck else ""
 
 
-def _mapping(health: Health, _row: LoopRow, _loop: Loop) -> str:
+def _mapping(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     return (
         "the tags look mixed up: PV does not follow OP, or is free of noise while SP is not"
         if health.mapping
@@ -119,117 +121,122 @@ def _mapping(health: Health, _row: LoopRow, _loop: Loop) -> str:
     )
 
 
-def _changed(health: Health, _row: LoopRow, _loop: Loop) -> str:
+def _changed(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     return "PV and SP jumped together: a new unit or range" if health.config_change else ""
 
 
-def _compressed(health: Health, _row: LoopRow, _loop: Loop) -> str:
+def _compressed(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     share = _of(health.compression)
     return (
         f"the historian compressed these data ({share:.0%} of the points are reconstructed)"
-        if share > COMPRESSED
+        if share > COMPRESSED_SHARE
         else ""
     )
 
 
-def _coarse(health: Health, _row: LoopRow, _loop: Loop) -> str:
+def _coarse(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     return "sampled too coarsely to show how the loop moves" if health.undersampled else ""
 
 
-def _uncovered(health: Health, _row: LoopRow, _loop: Loop) -> str:
+def _uncovered(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     covered = _of(health.coverage)
-    return f"only {covered:.0%} of the time is covered by good samples" if covered < LEAST_COVERAGE else ""
+    return (
+        f"only {covered:.0%} of the time is covered by good samples" if covered < LEAST_LOOP_COVERAGE else ""
+    )
 
 
-def _manual(health: Health, _row: LoopRow, _loop: Loop) -> str:
+def _manual(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     share = max(_of(health.manual), _of(health.held))
-    return f"in manual for {share:.0%} of the time" if share > MANUAL else ""
+    return f"in manual for {share:.0%} of the time" if share > MANUAL_SHARE else ""
 
 
-def _slave(health: Health, _row: LoopRow, loop: Loop) -> str:
+def _slave(health: Health, _tuning: Tuning, loop: Loop) -> str:
     master = f" of {loop.master}" if loop.master else ""
-    if _of(health.sp_moving) > FOLLOWS:
+    if _of(health.sp_moving) > SLAVE_SP_SHARE:
         return (
             f"its set point moves all the time: the slave{master} of a cascade, or a programme; not a fault"
         )
     return ""
 
 
-def _at_limit(health: Health, _row: LoopRow, loop: Loop) -> str:
+def _at_limit(health: Health, _tuning: Tuning, loop: Loop) -> str:
     # where no limit is known, an output that rests at its own extreme may have arrived where it belongs
     known = loop.op_low is not None or loop.op_high is not None
     share = _of(health.saturation) if known else 0.0
     return (
         f"OP is at its limit for {share:.0%} of the time: the loop has no room to control"
-        if share > AT_LIMIT
+        if share > AT_LIMIT_SHARE
         else ""
     )
 
 
-def _touches_limit(health: Health, _row: LoopRow, _loop: Loop) -> str:
+def _touches_limit(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     share = _of(health.saturation)
-    return f"OP is at its limit for {share:.0%} of the time" if share > TOUCHES_LIMIT else ""
+    return f"OP is at its limit for {share:.0%} of the time" if share > TOUCHES_LIMIT_SHARE else ""
 
 
-def _sticks(health: Health, row: LoopRow, _loop: Loop) -> str:
-    if _of(health.stiction) <= STICKS or _of(health.sp_moving) > LED:
+def _sticks(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    if _of(health.stiction) <= STICKS_INDEX or _of(health.sp_moving) > LED_SP_SHARE:
         return ""
-    return f"the valve sticks (index {_of(health.stiction):.2f}): {_cycle(row)}"
+    return f"the valve sticks (index {_of(health.stiction):.2f}): {_cycle(health)}"
 
 
-def _oscillates(health: Health, row: LoopRow, _loop: Loop) -> str:
-    return _cycle(row) if health.oscillating and _of(health.sp_moving) <= LED else ""
+def _oscillates(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    return _cycle(health) if health.oscillating and _of(health.sp_moving) <= LED_SP_SHARE else ""
 
 
-def _oscillates_otherwise(health: Health, row: LoopRow, loop: Loop) -> str:
+def _oscillates_otherwise(health: Health, tuning: Tuning, loop: Loop) -> str:
     """Name an oscillation that today's settings do not explain."""
-    cycle = _oscillates(health, row, loop)
-    if not cycle or _rolls_by_itself(row, loop):
+    cycle = _oscillates(health, tuning, loop)
+    if not cycle or _rolls_by_itself(health, tuning, loop):
         return ""
-    if row.ms is not None:
-        return f"{cycle}, which its settings do not explain (Ms = {row.ms:.2f})"
+    if tuning.ms is not None:
+        return f"{cycle}, which its settings do not explain (Ms = {tuning.ms:.2f})"
     return f"{cycle}; whether its settings are the cause is not known"
 
 
-def _rolls_by_itself(row: LoopRow, loop: Loop) -> bool:
+def _rolls_by_itself(health: Health, tuning: Tuning, loop: Loop) -> bool:
     """Whether the settings of today explain an oscillation: a poorly damped loop, and its own period."""
     settings = settings_of(loop)
-    if row.ms is None or row.gain is None or row.oscillation_period is None or settings is None:
+    period, gain = health.oscillation_period, tuning.model.get("gain")
+    if tuning.ms is None or gain is None or period is None or settings is None:
         return False
-    dead_time, lag = row.dead_time or 0.0, row.lag or 0.0
-    integrating = row.process == INTEGRATING
-    model = (IntegratingModel if integrating else SelfRegulatingModel)(row.gain, dead_time, lag)
-    if row.ms <= MARGIN * loop.ms_max and not trap(loop, model):
+    dead_time, lag = tuning.model.get("dead_time") or 0.0, tuning.model.get("lag") or 0.0
+    integrating = tuning.process == INTEGRATING
+    model = (IntegratingModel if integrating else SelfRegulatingModel)(gain, dead_time, lag)
+    if tuning.ms <= MARGIN * loop.ms_max and not integral_too_strong(loop, model):
         return False
     # relative to the period seen; the loop's own is where it amplifies most
     ratio = np.geomspace(1 / 30, 30, 301)
-    omega = 2 * np.pi / row.oscillation_period * ratio
+    omega = 2 * np.pi / period * ratio
     distance = np.abs(1 + model.frequency_response(omega) * settings.frequency_response(omega))
     own = float(ratio[int(np.argmin(distance))])
-    return 1 / SAME_PERIOD <= own <= SAME_PERIOD
+    return 1 / SAME_PERIOD_RATIO <= own <= SAME_PERIOD_RATIO
 
 
-def _cycle(row: LoopRow) -> str:
-    period = "" if row.oscillation_period is None else f" with a period of {row.oscillation_period:.3g} s"
+def _cycle(health: Health) -> str:
+    period = (
+        "" if health.oscillation_period is None else f" with a period of {health.oscillation_period:.3g} s"
+    )
     return f"it oscillates{period}"
 
 
-def _without_integral(health: Health, _row: LoopRow, loop: Loop) -> str:
+def _without_integral(health: Health, _tuning: Tuning, loop: Loop) -> str:
     without = loop.kp is not None and math.isinf(loop.ti)
-    if not health.settled_offset or not without or lives_with_offset(loop):
+    if not health.settled_offset or not without or offset_intended(loop):
         return ""
     return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: the controller has no integral action"
 
 
-def _stays_off(health: Health, row: LoopRow, loop: Loop) -> str:
+def _stays_off(health: Health, tuning: Tuning, loop: Loop) -> str:
     # a slow integral action looks like none, and a retune cures it
-    slow = row.verdict == RETUNE and loop.kp is not None and math.isfinite(loop.ti)
-    if not health.settled_offset or slow or lives_with_offset(loop):
+    slow = tuning.verdict == RETUNE and loop.kp is not None and math.isfinite(loop.ti)
+    if not health.settled_offset or slow or offset_intended(loop):
         return ""
     return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: no integral action, or OP held"
 
 
-def _noisy(health: Health, _row: LoopRow, loop: Loop) -> str:
+def _noisy(health: Health, _tuning: Tuning, loop: Loop) -> str:
     if loop.op_span is None or health.op_noise is None:
         return ""
     share = 100.0 * health.op_noise / loop.op_span

@@ -162,7 +162,7 @@ def _with(spec: LoopSpec, kp: float, ti: float | None, td: float, tf: float) -> 
 
 def _binding(engine: Engine, loop: Any, row: LoopRow, structure: str) -> tuple[float, str]:
     """Return the suggestion's closed-loop time, and what kept it from being shorter (inferred)."""
-    kept = engine._cases[0].advice
+    kept = engine._histories[0].standing
     advice = None if kept is None else kept.advice
     if advice is None or row.new_ms_worst is None or row.new_kp is None:
         return math.nan, "?"

@@ -26,7 +26,7 @@ from monitor.contract.records import (
 )
 from monitor.contract.samples import Samples
 from monitor.engine import Engine, worst_first
-from monitor.verdict.history import KEPT
+from monitor.verdict.history import MOST_FINDINGS
 from sim_plants.fleet import random_fleet
 from sim_plants.loops import Simulation
 from sim_plants.margins import margin
@@ -334,7 +334,7 @@ def test_history_does_not_grow():
     engine, seen = run(Loop(name="L", kp=2.0, ti=40.0), treads([2.0, -2.0] * 15, apart=250, noise=0.02))
     assert len(seen.assessments) == 30
     assert engine.row(0).events == 30
-    assert len(engine._cases[0].findings) == KEPT
+    assert len(engine._histories[0].findings) == MOST_FINDINGS
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor.advise.candidates import FURTHEST, op_noise, unfit
+from monitor.advise.candidates import FURTHEST, op_noise, rule_mismatch
 from monitor.advise.region import uncertain_models
 from monitor.advise.stages import STAGE
 from monitor.advise.suggestion import Advice, Withheld, advise, renewed
@@ -409,7 +409,7 @@ def test_a_rule_by_name(rule, facts, used):
 )
 def test_why_a_rule_by_name_is_not_used(rule, facts, process, why):
     """By structure, kind of process and objective, in plain words; nothing is said where it is used."""
-    said = unfit(sluggish(rule=rule, **facts), process)
+    said = rule_mismatch(sluggish(rule=rule, **facts), process)
     assert why in said
     assert bool(why) == bool(said)
 

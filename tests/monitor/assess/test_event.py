@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from monitor.assess.evidence import is_explained
-from monitor.assess.tuning import judge, trap
+from monitor.assess.tuning import integral_too_strong, judge
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, RETUNE, Assessment
 from monitor.contract.samples import Samples
@@ -72,7 +72,7 @@ def test_an_aggressive_loop():
     assert found.ms > 2.75
 
 
-def test_a_rolling_loop_is_told_the_trap():
+def test_a_rolling_loop_is_told_the_integral_too_strong():
     """Too much integral action for the gain: the cure is a longer Ti or a higher gain, not a lower one."""
     found, _, _ = assessed(stepped(3000, kp=0.4, ti=30.0, noise=0.02), kp=0.4, ti=30.0)
     assert found.verdict == RETUNE
@@ -303,11 +303,11 @@ def test_an_averaging_level_is_not_judged_by_speed():
         ({"kp": 0.4, "ti": 60.0, "td": 50.0, "tf": 1.0}, "series", False),
     ],
 )
-def test_the_trap(facts, form, caught):
+def test_the_integral_too_strong(facts, form, caught):
     """Kc K Ti below 2 on an integrator, in whatever form the settings are."""
-    assert bool(trap(Loop(name="L", form=form, **facts), LEVEL)) == caught
+    assert bool(integral_too_strong(Loop(name="L", form=form, **facts), LEVEL)) == caught
 
 
 def test_the_trap_is_an_integrators():
     """On a self-regulating process the product means nothing."""
-    assert trap(Loop(name="L", kp=0.1, ti=1.0), SelfRegulatingModel(1.0, 1.0, 5.0)) == ""
+    assert integral_too_strong(Loop(name="L", kp=0.1, ti=1.0), SelfRegulatingModel(1.0, 1.0, 5.0)) == ""

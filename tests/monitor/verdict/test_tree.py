@@ -9,7 +9,9 @@ import pytest
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow
 from monitor.health.loop_health import Health
-from monitor.verdict.tree import TREE, WITHHOLDS, conclude
+from monitor.verdict.parts import Suggested, Tuning
+from monitor.verdict.row import loop_row
+from monitor.verdict.tree import TREE, WITHHOLDS
 
 FLAGS = {
     "manual", "saturated", "stuck_pv", "idle", "stale", "oscillating", "stiction", "offset", "compressed",
@@ -24,13 +26,32 @@ def healthy(**facts: Any) -> Health:
     return Health(**{"coverage": 1.0, "manual": 0.0, "saturation": 0.0} | facts)
 
 
-def tuned(verdict: str, **facts: Any) -> LoopRow:
-    """Return a row as the events left it."""
-    known: dict[str, Any] = {"process": "integrating", "gain": 0.05, "dead_time": 4.0, "lag": 0.0, "ms": 1.6}
-    if verdict == RETUNE:
-        known |= {"new_kp": 2.5, "new_ti": 32.0, "rule": "simc-pi", "form": "standard", "stages": "[]"}
-    reason = "slow to follow: CI_sp = 0.3" if verdict == RETUNE else ""
-    return LoopRow(loop="LIC-1", verdict=verdict, reason=reason, **(known | facts))
+NEW = Suggested(
+    action="set kp = 2.5, ti = 32 s",
+    rule="simc-pi",
+    form="standard",
+    figures={"new_kp": 2.5, "new_ti": 32.0},
+    stages="[]",
+    fields="{}",
+    today={"iae_setpoint": 30.0},
+)
+
+
+def tuned(verdict: str, ms: float = 1.6) -> Tuning:
+    """Return what the events left."""
+    return Tuning(
+        verdict=verdict,
+        reason="slow to follow: CI_sp = 0.3" if verdict == RETUNE else "",
+        ms=ms,
+        process="integrating",
+        model={"gain": 0.05, "dead_time": 4.0, "lag": 0.0},
+        suggested=NEW if verdict == RETUNE else None,
+    )
+
+
+def conclude(tuning: Tuning, loop: Loop, health: Health) -> LoopRow:
+    """Return the row, which walks the tree."""
+    return loop_row(loop, tuning, health)
 
 
 SICK = {
@@ -62,6 +83,7 @@ def test_what_comes_before_the_tuning_withholds_it(flag, verdict):
     left = [n for n in row.__struct_fields__ if n.startswith("new_") and getattr(row, n) is not None]
     assert left + [n for n in ("rule", "form", "stages") if getattr(row, n) is not None] == []
     if verdict == RETUNE:
+        assert row.iae_setpoint == 30.0  # what is predicted of today's settings stays
         assert "slow to follow" in row.reason
         assert "withheld" in row.reason
 
@@ -69,9 +91,9 @@ def test_what_comes_before_the_tuning_withholds_it(flag, verdict):
 def test_a_healthy_loop_keeps_its_verdict():
     """Nothing found: verdict, reason and suggestion stay as the events left them."""
     for verdict in (GOOD, RETUNE, INCONCLUSIVE):
-        before = tuned(verdict)
+        before, new_kp = tuned(verdict), 2.5 if verdict == RETUNE else None
         row = conclude(tuned(verdict), LOOP, healthy())
-        assert (row.verdict, row.reason, row.new_kp, row.flags) == (verdict, before.reason, before.new_kp, ())
+        assert (row.verdict, row.reason, row.new_kp, row.flags) == (verdict, before.reason, new_kp, ())
 
 
 def test_an_oscillation_that_the_settings_explain_is_theirs():
@@ -136,7 +158,7 @@ def test_the_data_come_before_the_valve_and_the_valve_before_the_rest():
 )
 def test_a_loop_without_events_is_told_why(facts, said):
     """Not assessed, with the reason that its health gives; with events the same is no reason to doubt them."""
-    row = conclude(LoopRow(loop="LIC-1"), LOOP, healthy(**facts))
+    row = conclude(Tuning(), LOOP, healthy(**facts))
     assert row.verdict == NOT_ASSESSED
     assert said in row.reason
     assert conclude(tuned(RETUNE), LOOP, healthy(**facts)).verdict == RETUNE
@@ -181,7 +203,7 @@ def test_a_slow_integral_is_no_missing_one():
 
 def test_nothing_seen():
     """No sample at all."""
-    assert conclude(LoopRow(loop="LIC-1"), LOOP, Health()).reason == "no good sample was seen"
+    assert conclude(Tuning(), LOOP, Health()).reason == "no good sample was seen"
 
 
 def test_every_branch_has_a_known_flag_and_an_action():

@@ -14,6 +14,7 @@ from typing import Any
 import zenoh
 
 from monitor.contract.entries import LARGEST, Message
+from monitor.contract.keys import PREFIX
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 RECONNECT = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}
@@ -166,7 +167,7 @@ class Bus:
         The only key space that is ever written to.
     """
 
-    def __init__(self, session: Any, prefix: str = "loopsight") -> None:
+    def __init__(self, session: Any, prefix: str = PREFIX) -> None:
         self._session = session
         self._prefix = prefix
         self._declared: list[Any] = []

@@ -44,10 +44,11 @@ def ask_monitors(endpoint: str) -> list[dict[str, Any]]:
     import msgspec
 
     from monitor.adapters.zenoh_bus import ask, open_session
+    from monitor.contract import keys
 
     session = open_session("client", connect=[endpoint])
     try:
-        replies = ask(session, "loopsight/@/*/status", PATIENCE)
+        replies = ask(session, keys.monitor_status("*"), PATIENCE)
     finally:
         session.close()
     return [msgspec.json.decode(payload, type=dict[str, Any]) for _, payload in replies]

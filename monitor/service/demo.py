@@ -22,6 +22,7 @@ from rich.table import Table
 from monitor.adapters.loop_table import read_loop_table
 from monitor.adapters.store import Store
 from monitor.adapters.zenoh_bus import DEFAULT_ENDPOINT, Bus, BusError, open_session
+from monitor.contract import keys
 from monitor.contract.records import RETUNE, Assessment, LoopRow, Record, Suggestion
 
 from .config import Config
@@ -65,7 +66,7 @@ def run_demo(demo: Demo, stop: threading.Event) -> tuple[list[Assessment], list[
             config = Config(id="demo", loops=str(demo.tables / "loops.csv"))
             loops = read_loop_table(config.loops)
             bus.subscribe(config.subscribe, time.time_ns)
-            bus.answer(["loopsight/**"])
+            bus.answer([keys.LOOPS, keys.of_monitor(config.id)])
             plant = _start_plant(demo, endpoint)
             with console.status("preparing the fits (the first run compiles them, half a minute)"):
                 warm_up()

@@ -15,10 +15,11 @@ from typing import Any
 from monitor.adapters.loop_table import read_loop_table
 from monitor.adapters.store import Store
 from monitor.adapters.zenoh_bus import DEFAULT_ENDPOINT, Bus, BusError, open_session
+from monitor.contract import keys
 from monitor.contract.loops import LoopTable
 
 from .config import Config
-from .service import PREFIX, Service, warm_up
+from .service import Service, warm_up
 
 GIVE_UP_WITHIN = 5.0
 """For closing the bus when told to stop before anything was heard [s]."""
@@ -55,8 +56,8 @@ def run_monitor(
             return
         service = Service(config, loops, bus, store, open_file=config.state_folder / "open.npz")
         bus.subscribe(config.subscribe, time.time_ns)
-        bus.answer([f"{PREFIX}/**", f"{PREFIX}/@/{config.id}/**"])
-        bus.alive(f"{PREFIX}/@/{config.id}/alive")
+        bus.answer([keys.LOOPS, keys.of_monitor(config.id)])
+        bus.alive(keys.monitor_alive(config.id))
         where = ", ".join([*listen, *config.connect])
         print(f"ready {where}: {len(loops) or 'all'} loops on {', '.join(config.subscribe)}", flush=True)  # noqa: T201 (the contract's line)
         view = _view(config, (listen or config.connect)[0], save)

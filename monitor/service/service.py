@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.adapters.store import Store, StoreError
+from monitor.contract import keys
 from monitor.contract.entries import Message
 from monitor.contract.evidence import Window
 from monitor.contract.loops import NAME_BYTES, Loop, LoopTable
@@ -41,7 +42,6 @@ from .snapshot import OpenEvents
 
 log = logging.getLogger("loopsight")
 
-PREFIX = "loopsight"
 MOST_MESSAGES, MOST_BYTES = 50_000, 16 * 2**20
 """Messages, and their bytes, taken from the ring in one tick: a backlog does not hide all else."""
 ASSESS_TIME = 0.05
@@ -197,7 +197,7 @@ class Service:
             self._open.keep(self.engine, self.order, self._clock())
         if now >= self._next_status:
             self._next_status = now + STATUS_EVERY
-            self.bus.say(f"{PREFIX}/@/{self.config.id}/status", to_json(self.status()), JSON_MIME)
+            self.bus.say(keys.monitor_status(self.config.id), to_json(self.status()), JSON_MIME)
             self._latency = 0.0
         return len(messages)
 
@@ -351,7 +351,7 @@ class Service:
     def _say_event(self, event: Event) -> _Said:
         key, payload = self._key(event.loop), encode_record(event)
         return _Said(
-            f"{PREFIX}/{key}/event", payload, JSON_MIME,
+            keys.event(key), payload, JSON_MIME,
             lambda store: store.keep_event(event.id, key, event.start, payload),
         )  # fmt: skip
 
@@ -376,15 +376,15 @@ class Service:
             store.keep_row(key, row_json)
 
         return [
-            _Said(f"{PREFIX}/{key}/assessment", payload, JSON_MIME, keep),
-            _Said(f"{PREFIX}/{key}/window", evidence, FRAME_MIME, lambda _: None),
+            _Said(keys.assessment(key), payload, JSON_MIME, keep),
+            _Said(keys.window(key), evidence, FRAME_MIME, lambda _: None),
         ]
 
     def _say_suggestion(self, suggestion: Suggestion) -> _Said:
         key, payload = self._key(suggestion.row.loop), encode_record(suggestion)
         log.info("%s: suggestion: %s", suggestion.row.loop, suggestion.row.action)
         return _Said(
-            f"{PREFIX}/{key}/suggestion",
+            keys.suggestion(key),
             payload,
             JSON_MIME,
             lambda store: store.keep_suggestion(key, payload),
@@ -411,7 +411,7 @@ class Service:
             own = {n: c[loops == row] for n, c in columns.items()}
             time_column: NDArray[np.int64] = own.pop("time")
             payload = encode_trend(self.loops[int(row)].name, time_column, own)
-            self.bus.say(f"{PREFIX}/{self.loops[int(row)].key}/trend", payload, FRAME_MIME)
+            self.bus.say(keys.trend(self.loops[int(row)].key), payload, FRAME_MIME)
 
     # -- what is asked ------------------------------------------------------------------------------
 
@@ -432,17 +432,17 @@ class Service:
             return [(k, p, JSON_MIME) for k, p in self._status_rows(question)]
         if len(chunks) > 1 and chunks[-2] == "window":
             found = self.store.window(chunks[-1])
-            key = "" if found is None else f"{PREFIX}/{found[0]}/window/{chunks[-1]}"
+            key = "" if found is None else keys.window(found[0], chunks[-1])
             return [] if found is None or not question.matches(key) else [(key, found[1], FRAME_MIME)]
         return self._history(question)
 
     def _status_rows(self, question: Any) -> list[tuple[str, bytes]]:
-        own = f"{PREFIX}/@/{self.config.id}/status"
+        own = keys.monitor_status(self.config.id)
         if question.matches(own):
             return [(own, to_json(self.status()))]
         out = []
         for loop_key, number in self.loops.by_key.items():
-            key = f"{PREFIX}/{loop_key}/status"
+            key = keys.status(loop_key)
             if question.matches(key):
                 out.append((key, self._current(number, self.loops[number])))
         return out
@@ -461,10 +461,10 @@ class Service:
         last = question.key.rpartition("/")[2]
         out: list[tuple[str, bytes, str]] = []
         for loop_key in self.loops.by_key:
-            if not question.matches(f"{PREFIX}/{loop_key}/history/{last}"):
+            if not question.matches(keys.history(loop_key, last)):
                 continue
             for identity, payload in self.store.assessments(loop_key, since, until, limit):
-                key = f"{PREFIX}/{loop_key}/history/{identity}"
+                key = keys.history(loop_key, identity)
                 if question.matches(key):
                     out.append((key, payload, JSON_MIME))
             if len(out) >= MOST_ANSWERS:

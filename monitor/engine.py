@@ -7,7 +7,6 @@ batched: detection works sample by sample, and a loop's assessment rests on that
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any
 
 import numpy as np
 
@@ -17,11 +16,11 @@ from monitor.contract.evidence import Window
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment, Event, LoopRow, Record, Suggestion, event_id
 from monitor.contract.samples import Samples
-from monitor.detect.detector import Detector
-from monitor.detect.state import BY_GAP, BY_SETTINGS, CLOSED, COUNTS, LOAD_STEP, STATES
+from monitor.detect.detector import Detector, Found
+from monitor.detect.event import BY_GAP, BY_SETTINGS, SETPOINT_STEP, ClosedEvent
+from monitor.detect.state import COUNTS
 from monitor.health.loop_health import figures
 from monitor.identify.direct import model_response
-from monitor.identify.fit import Array
 from monitor.verdict.history import LoopHistory
 from monitor.verdict.parts import Tuning
 from monitor.verdict.row import loop_row, says_new, worst_first
@@ -40,7 +39,7 @@ class Engine:
         self.loops = loops
         self.detector = Detector(list(loops))
         self._histories: dict[int, LoopHistory] = {}
-        self._pending: list[tuple[Any, Array]] = []
+        self._pending: list[ClosedEvent] = []
         self._retired: Counter[str] = Counter()
         """What became of the samples of loops that are watched no more."""
         self.disturbances = 0
@@ -95,9 +94,9 @@ class Engine:
     def _finish(self, row: int, cause: int) -> list[Record]:
         """End a loop's open event, and assess those that wait."""
         records = self._take(self.detector.flush([row], cause))
-        own = [(e, w) for e, w in self._pending if e["loop"] == row]
-        self._pending = [(e, w) for e, w in self._pending if e["loop"] != row]
-        return records + [record for event, window in own for record in self._assess(event, window)]
+        own = [event for event in self._pending if event.row == row]
+        self._pending = [event for event in self._pending if event.row != row]
+        return records + [record for event in own for record in self._assess(event)]
 
     # -- samples in, records out ------------------------------------------------------------------
 
@@ -113,7 +112,7 @@ class Engine:
         """Assess waiting events, oldest first, at most ``most`` of them."""
         n = len(self._pending) if most is None else min(most, len(self._pending))
         now, self._pending = self._pending[:n], self._pending[n:]
-        return [record for event, window in now for record in self._assess(event, window)]
+        return [record for event in now for record in self._assess(event)]
 
     @property
     def backlog(self) -> int:
@@ -128,40 +127,40 @@ class Engine:
         """Close what is open, because the data end here, and assess it."""
         return self.close() + self.assess()
 
-    def _take(self, found: list[tuple[Any, Array]]) -> list[Record]:
+    def _take(self, found: Found) -> list[Record]:
         """Report openings and closings; a suspected load step is reported when it has proved to be one."""
         records: list[Record] = []
-        for event, window in found:
-            closed = event["what"] == CLOSED
-            if event["kind"] != LOAD_STEP:
-                loop, onset = self.loops[int(event["loop"])].name, int(event["onset"])
+        for event in found:
+            closed = event if isinstance(event, ClosedEvent) else None
+            if closed is None or closed.kind == SETPOINT_STEP:
+                loop = self.loops[event.row].name
                 records.append(
                     Event(
-                        id=event_id(loop, onset),
+                        id=event_id(loop, event.onset),
                         loop=loop,
                         kind=SETPOINT,
-                        state=STATES[event["state"]] if closed else "open",
-                        start=onset,
-                        end=int(event["end"]) if closed else None,
-                        amplitude=float(event["amplitude"]),
+                        state="open" if closed is None else closed.state,
+                        start=event.onset,
+                        end=None if closed is None else closed.end,
+                        amplitude=event.amplitude,
                     )
                 )
-            if closed:
-                self._pending.append((event, window))
+            if closed is not None:
+                self._pending.append(closed)
         return records
 
-    def _assess(self, event: Any, window: Array) -> list[Record]:
-        row = int(event["loop"])
+    def _assess(self, event: ClosedEvent) -> list[Record]:
+        row = event.row
         loop = self.loops[row]
-        finding = assess_event(loop, event, window)
+        finding = assess_event(loop, event)
         if not finding.is_event:
             self.disturbances += 1
             return []
         history = self._histories.setdefault(row, LoopHistory())
         finding = history.add(finding, loop)
         records: list[Record] = [] if finding.record.kind == SETPOINT else [_closing(finding.record)]
-        records += [finding.record, _window(event, window, finding)]
-        standing = self._row(row, event["loop_health"], event["loop_state"])
+        records += [finding.record, _window(event, finding)]
+        standing = self._row(row, event.health, event.period)
         history.verdict = standing.verdict
         if standing.new_kp is None:
             history.published = None
@@ -175,13 +174,13 @@ class Engine:
 
     def row(self, row: int) -> LoopRow:
         """Return a loop's current row: its verdict, and its health so far."""
-        return self._row(row, self.detector.health[row], self.detector.state[row])
+        return self._row(row, self.detector.health[row], float(self.detector.state["period"][row]))
 
-    def _row(self, row: int, health: Any, state: Any) -> LoopRow:
-        """Return a loop's row with its health as the detector's records of some moment have it."""
+    def _row(self, row: int, health: np.void, period: float) -> LoopRow:
+        """Return a loop's row with its health and sample period [s] of some moment."""
         history = self._histories.get(row)
         tuning = Tuning() if history is None else history.tuning
-        seen = figures(health, float(state["period"]), tuning.model.get("dead_time"))
+        seen = figures(health, period, tuning.model.get("dead_time"))
         return loop_row(self.loops[row], tuning, seen)
 
     def rows(self) -> list[LoopRow]:
@@ -208,18 +207,15 @@ def _closing(record: Assessment) -> Event:
     return Event(**{name: getattr(record, name) for name in Event.__struct_fields__})
 
 
-def _window(event: Any, window: Array, finding: Finding) -> Window:
-    onset = int(event["onset"])
-    model = np.full(len(window), np.nan)
-    if finding.fit is not None:
-        model = model_response(window, int(event["before"]), finding.fit)
+def _window(event: ClosedEvent, finding: Finding) -> Window:
+    w = event.window
     return Window(
         id=finding.record.id,
         loop=finding.record.loop,
-        onset=onset,
-        time=onset + np.round(window[:, 0] * 1e9).astype(np.int64),
-        sp=window[:, 1],
-        pv=window[:, 2],
-        op=window[:, 3],
-        model=model,
+        onset=event.onset,
+        time=event.onset + np.round(w.time * 1e9).astype(np.int64),
+        sp=w.sp,
+        pv=w.pv,
+        op=w.op,
+        model=np.full(len(w), np.nan) if finding.fit is None else model_response(w, finding.fit),
     )

@@ -14,7 +14,7 @@ from monitor.adapters.loop_table import read_loop_table
 from monitor.cli.main import COMMANDS, loopsight
 from monitor.contract.figures import MEANINGS
 from monitor.contract.records import WORST_FIRST
-from monitor.detect.state import STATES
+from monitor.detect.event import STATES
 from monitor.service.config import Config, load, problems
 from monitor.verdict.stale import STALE
 from monitor.verdict.tree import TREE

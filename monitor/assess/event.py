@@ -7,15 +7,14 @@ on the identified model). Where the evidence cannot carry either, it says so ins
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from monitor.contract.loops import Loop
 from monitor.contract.records import INCONCLUSIVE, Assessment, event_id
-from monitor.detect.state import LOAD_STEP, STATES
+from monitor.detect.event import LOAD_STEP, ClosedEvent
 from monitor.identify.direct import fit_kinds
-from monitor.identify.fit import Array, Fit, contradictory, decide
+from monitor.identify.fit import Fit, contradictory, decide
 from monitor.identify.indirect import REPRODUCES, indirect_fit, reproduces
 from monitor.identify.outliers import without_wild
 from tuners.models import INTEGRATING, SELF_REGULATING
@@ -52,53 +51,48 @@ class Finding:
     """[s]"""
 
 
-def assess_event(loop: Loop, event: Any, window: Array) -> Finding:
+def assess_event(loop: Loop, event: ClosedEvent) -> Finding:
     """Judge one closed event.
 
     Parameters
     ----------
     loop
         The loop's row; its settings are those in force during the event.
-    event
-        Row of dtype `detect.OUT`.
-    window
-        (n, 4) time [s], SP, PV [PV], OP held [OP].
     """
-    load = event["kind"] == LOAD_STEP
-    event, window = without_wild(event, window)
-    fit, decided = _identify(loop, event, window)
-    against = evidence_against(loop, event, window, fit, decided)
-    iae = float(event["iae"])
+    load = event.kind == LOAD_STEP
+    event = without_wild(event)
+    fit, decided = _identify(loop, event)
+    against = evidence_against(loop, event, fit, decided)
     # figures of a model that does not explain the event would only mislead
     trusted = fit if fit is not None and decided and is_explained(fit, event) else None
     ci = None if trusted is None else index(loop, event, trusted)
     model = None if trusted is None else model_of(trusted)
-    ms = current_sensitivity(loop, model, float(event["period"]))
+    ms = current_sensitivity(loop, model, event.period)
     if against:
         verdict, reason = INCONCLUSIVE, "; ".join(against)
     else:
         assert model is not None  # noqa: S101 (what _against makes sure of)
-        over = 0.0 if load else overshoot(event, window)
+        over = 0.0 if load else overshoot(event)
         verdict, reason = judge(loop, model, (None, ci) if load else (ci, None), ms, over)
         reason = "; ".join(filter(None, [reason, how_it_ended(event)]))
-    if event["uncertain"] > MANY_UNCERTAIN:
-        said = f"{float(event['uncertain']):.0%} of its samples are of uncertain quality"
+    if event.uncertain_share > MANY_UNCERTAIN:
+        said = f"{event.uncertain_share:.0%} of its samples are of uncertain quality"
         reason = "; ".join(filter(None, [reason, said]))
     gain_integrals, t0_integrals = by_integrals(event, fit)
-    onset, amplitude = int(event["onset"]), float(event["amplitude"])
+    onset, amplitude = event.onset, event.amplitude
     if load:
         amplitude = (fit.size if fit is not None else None) or 0.0
         onset += round(fit.onset * 1e9) if fit is not None and fit.onset is not None else 0
     record = Assessment(
         loop=loop.name,
-        id=event_id(loop.name, int(event["onset"])),
-        event=int(event["number"]),
+        id=event_id(loop.name, event.onset),
+        event=event.number,
         kind=LOAD if load else SETPOINT,
         start=onset,
-        end=int(event["end"]),
-        state=STATES[event["state"]],
+        end=event.end,
+        state=event.state,
         amplitude=amplitude,
-        iae=iae,
+        iae=event.iae,
         ci=ci,
         process="undecided" if trusted is None else trusted.process,
         method=None if fit is None else fit.method,
@@ -115,9 +109,9 @@ def assess_event(loop: Loop, event: Any, window: Array) -> Finding:
         record,
         fit,
         usable=fit is not None and not against,
-        is_event=not load or (fit is not None and is_load_step(fit, event) and op_moved(fit, event, window)),
-        noise=float(event["noise"]),
-        period=float(event["period"]),
+        is_event=not load or (fit is not None and is_load_step(fit, event) and op_moved(fit, event)),
+        noise=event.noise,
+        period=event.period,
     )
 
 
@@ -139,7 +133,7 @@ def model_fields(fit: Fit) -> dict[str, float]:
     return fields
 
 
-def _identify(loop: Loop, event: Any, window: Array) -> tuple[Fit | None, bool]:
+def _identify(loop: Loop, event: ClosedEvent) -> tuple[Fit | None, bool]:
     """Fit the kinds of process that the loop may be; return the best and whether the kind is beyond doubt.
 
     Directly first. A set-point step under much noise is also fitted by simulating the closed loop, where the known
@@ -147,17 +141,17 @@ def _identify(loop: Loop, event: Any, window: Array) -> tuple[Fit | None, bool]:
     model costs the simulated loop more. After a load step the simulated loop has false minima and is left out.
     """
     kinds = [INTEGRATING, SELF_REGULATING] if loop.process == "auto" else [loop.process]
-    before, span, load = int(event["before"]), float(window[-1, 0]), event["kind"] == LOAD_STEP
-    period = float(event["period"])
-    direct = fit_kinds(window, before, kinds, load, period)
+    window, period, load = event.window, event.period, event.kind == LOAD_STEP
+    span = float(window.time[-1])
+    direct = fit_kinds(window, kinds, load, period)
     best, decided = decide(direct, span)
     settings = settings_of(loop)
-    noisy = best is not None and best.sigma >= NOISY * float(np.ptp(window[:, 2]))
+    noisy = best is not None and best.sigma >= NOISY * float(np.ptp(window.pv))
     if best is None or load or settings is None or not noisy:
         return best, decided
     if reproduces(window, settings, period) < REPRODUCES:
         return best, decided
-    fits = [indirect_fit(window, before, period, settings, f) for f in ([best] if decided else direct)]
+    fits = [indirect_fit(window, period, settings, f) for f in ([best] if decided else direct)]
     better = [f for f in fits if f is not None and is_explained(f, event) and not contradictory([f], best)]
     if not better:
         return best, decided

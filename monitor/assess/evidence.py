@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from monitor.contract.loops import Loop, offset_intended
-from monitor.detect.state import CAUSES, INTERRUPTED, LOAD_STEP, SETPOINT_STEP, SETTLED, STATES
-from monitor.identify.fit import Array, Fit
+from monitor.detect.event import INTERRUPTED, LOAD_STEP, SETPOINT_STEP, SETTLED, ClosedEvent
+from monitor.identify.fit import Fit
 from monitor.identify.integrals import setpoint_integrals
 from monitor.identify.uncertainty import correlation_time
 from tuners.models import INTEGRATING, SELF_REGULATING
@@ -66,71 +65,71 @@ TAIL = 4.0
 """Integral times after which an integral action that works has taken away what was left of the error."""
 
 
-def is_load_step(fit: Fit, event: Any) -> bool:
+def is_load_step(fit: Fit, event: ClosedEvent) -> bool:
     """Whether a step of the load explains enough to be reported; a verdict asks for more (`_explained`)."""
-    size = abs(float(event["amplitude"]))
-    rest = max(LIKE_NOISE * float(event["sd_e"]), LOAD_REST * size, COARSE * float(event["quantum"]))
-    stands_out = size > LOAD_STANDS_OUT * math.sqrt(float(event["loop_state"]["var_s"]))
+    size = abs(event.amplitude)
+    rest = max(LIKE_NOISE * event.error_sd, LOAD_REST * size, COARSE * event.quantum)
+    stands_out = size > LOAD_STANDS_OUT * event.short_sd
     return fit.quality >= LEAST_FIT or (fit.quality >= LEAST_LOAD_FIT and fit.sigma <= rest and stands_out)
 
 
-def op_moved(fit: Fit, event: Any, window: Array) -> bool:
+def op_moved(fit: Fit, event: ClosedEvent) -> bool:
     """Whether OP went from one level to another: the load's size stands out of what OP did when quiet."""
-    quiet = window[: max(int(event["before"]) // 2, 2), 3]
+    quiet = event.window.op[: max(event.window.before // 2, 2)]
     # a process without any dynamics is the controller seen backwards: noise and slow drift look like that
-    dynamic = fit.t0 > 0.5 * float(event["period"])
+    dynamic = fit.t0 > 0.5 * event.period
     # an onset at the window's edge lies before it: such a fit knows nothing of the dead time
-    dynamic = dynamic and fit.onset is not None and fit.onset > window[0, 0] + float(event["period"])
+    dynamic = dynamic and fit.onset is not None and fit.onset > event.window.time[0] + event.period
     return fit.size is not None and abs(fit.size) > 0.5 * float(np.std(quiet)) and dynamic
 
 
-def is_explained(fit: Fit, event: Any) -> bool:
+def is_explained(fit: Fit, event: ClosedEvent) -> bool:
     """Whether the model leaves nothing but noise: by its share of PV's variance, or by the residuals' size."""
-    small = abs(float(event["amplitude"])) < STANDS_OUT * float(event["sd_e"])
-    like_noise = fit.sigma <= LIKE_NOISE * float(event["sd_e"])
-    others = fit.sigma > FAR_ABOVE_NOISE * float(event["noise"])
+    small = abs(event.amplitude) < STANDS_OUT * event.error_sd
+    like_noise = fit.sigma <= LIKE_NOISE * event.error_sd
+    others = fit.sigma > FAR_ABOVE_NOISE * event.noise
     if others:
         return fit.quality >= LEAST_FIT_AMONG_OTHERS
-    in_noise = LEAST_LOAD_FIT_IN_NOISE if event["kind"] == LOAD_STEP else LEAST_FIT_IN_NOISE
+    in_noise = LEAST_LOAD_FIT_IN_NOISE if event.kind == LOAD_STEP else LEAST_FIT_IN_NOISE
     return fit.quality >= LEAST_FIT or (fit.quality >= in_noise and like_noise and not small)
 
 
-def coverage(event: Any) -> float:
+def coverage(event: ClosedEvent) -> float:
     """Share of the event's time with good samples."""
-    return min(float(event["good"] / event["wall"]), 1.0) if event["wall"] > 0 else 0.0
+    return min(event.good_time / event.duration, 1.0) if event.duration > 0 else 0.0
 
 
-def by_integrals(event: Any, fit: Fit | None) -> tuple[float | None, float | None]:
+def by_integrals(event: ClosedEvent, fit: Fit | None) -> tuple[float | None, float | None]:
     """Gain and T0 by the running integrals, where they hold: an integrator, settled, from a quiet start."""
-    quiet = STATES[event["state"]] == SETTLED and event["quiet"] and event["kind"] == SETPOINT_STEP
+    quiet = event.state == SETTLED and event.quiet and event.kind == SETPOINT_STEP
     if fit is None or fit.process != INTEGRATING or not quiet:
         return None, None
-    gain, t0 = setpoint_integrals(*(float(event[n]) for n in ("amplitude", "s1", "s2", "y1")))
+    gain, t0 = setpoint_integrals(event.amplitude, event.s1, event.s2, event.y1)
     return (gain, t0) if math.isfinite(gain) else (None, None)
 
 
 def evidence_against(  # noqa: C901 (one if for each reason)
-    loop: Loop, event: Any, window: Array, fit: Fit | None, decided: bool
+    loop: Loop, event: ClosedEvent, fit: Fit | None, decided: bool
 ) -> list[str]:
     """Say why the evidence cannot carry a verdict; empty where it can."""
     reasons = []
     covered = coverage(event)
     if covered < LEAST_COVERAGE:
         reasons.append(f"only {covered:.0%} of the event is covered by good samples (at least 80 % needed)")
-    limited = float(event["saturated"] / event["wall"]) if event["wall"] > 0 else 0.0
+    limited = event.saturated_time / event.duration if event.duration > 0 else 0.0
     if limited > MOST_SATURATION:
         reasons.append(f"OP was at its limit for {limited:.0%} of the event (10 % allowed)")
-    size = abs(float(event["amplitude"]))
-    lasted = float(event["iae"] - event["iae_noise"]) / size
-    if lasted < LEAST_PERIODS * event["period"]:
+    size = abs(event.amplitude)
+    lasted = (event.iae - event.iae_noise) / size
+    if lasted < LEAST_PERIODS * event.period:
         reasons.append(
-            f"sampled too coarsely: the response lasts {lasted:.3g} s, the sample period is {event['period']:.3g} s"
+            f"sampled too coarsely: the response lasts {lasted:.3g} s, the sample period is {event.period:.3g} s"
         )
-    offset = float(event["offset"])
+    offset = event.offset
     # a slow tail, as of an integral time longer than the event, is no rest
-    time_enough = loop.kp is None or math.isinf(loop.ti) or event["wall"] > TAIL * loop.ti
-    at_rest = STATES[event["state"]] == SETTLED and time_enough
-    if at_rest and not offset_intended(loop) and abs(offset) > max(0.05 * size, 3.0 * event["sd_e"]):
+    time_enough = loop.kp is None or math.isinf(loop.ti) or event.duration > TAIL * loop.ti
+    at_rest = event.state == SETTLED and time_enough
+    if at_rest and not offset_intended(loop) and abs(offset) > max(0.05 * size, 3.0 * event.error_sd):
         why = (
             "no integral action"
             if loop.kp is not None and math.isinf(loop.ti)
@@ -142,18 +141,18 @@ def evidence_against(  # noqa: C901 (one if for each reason)
     if not decided:
         reasons.append("undecided: an integrating and a self-regulating model fit equally well")
     if not is_explained(fit, event):
-        why = ", and ".join(filter(None, ["something else moved it", swinging(window, event)]))
+        why = ", and ".join(filter(None, ["something else moved it", swinging(event)]))
         reasons.append(f"a model explains only {fit.quality:.0%} of PV's movement: {why}")
-    if fit.process == SELF_REGULATING and fit.t0 < RESOLVED * event["period"]:
+    if fit.process == SELF_REGULATING and fit.t0 < RESOLVED * event.period:
         reasons.append(
-            f"sampled too coarsely: T0 = {fit.t0:.3g} s cannot be seen with a sample period of {event['period']:.3g} s"
+            f"sampled too coarsely: T0 = {fit.t0:.3g} s cannot be seen with a sample period of {event.period:.3g} s"
         )
     if loop.kp is not None and fit.gain * loop.kp < 0:
         reasons.append(
             "the process gain found and the controller gain kp have opposite signs: check the loop table"
         )
     gain, _ = by_integrals(event, fit)
-    if gain is not None and abs(offset) <= 0.05 * size and disagrees(gain, fit, _rest_error(event, window)):
+    if gain is not None and abs(offset) <= 0.05 * size and disagrees(gain, fit, _rest_error(event)):
         reasons.append(
             f"the fit's gain is {fit.gain:.3g}, that of the integrals {gain:.3g}: something else moved PV meanwhile"
         )
@@ -163,11 +162,11 @@ def evidence_against(  # noqa: C901 (one if for each reason)
     return reasons
 
 
-def _rest_error(event: Any, window: Array) -> float:
+def _rest_error(event: ClosedEvent) -> float:
     """Return the standard deviation in ln gain of the integrals: the error of OP's noisy rest adds up."""
-    quiet = window[: max(int(event["before"]), 2), 3]
+    quiet = event.window.op[: max(event.window.before, 2)]
     independent = len(quiet) / correlation_time(quiet - quiet.mean())
-    return abs(float(np.std(quiet)) / math.sqrt(independent) * float(event["wall"]) / float(event["s1"]))
+    return abs(float(np.std(quiet)) / math.sqrt(independent) * event.duration / event.s1)
 
 
 def disagrees(gain: float, fit: Fit, rest_error: float) -> bool:
@@ -180,13 +179,14 @@ def disagrees(gain: float, fit: Fit, rest_error: float) -> bool:
     return abs(math.log(gain / fit.gain)) > max(4.0 * sigma, INTEGRALS_AGREE)
 
 
-def swinging(window: Array, event: Any) -> str | None:
+def swinging(event: ClosedEvent) -> str | None:
     """Say how PV swings about the set point after it has first come there; None where it does not, or in noise."""
-    t, e = window[int(event["before"]) :, 0], (window[:, 1] - window[:, 2])[int(event["before"]) :]
+    w = event.window
+    t, e = w.time[w.before :], (w.sp - w.pv)[w.before :]
     arrived = int(np.argmax(e * e[0] < 0.0)) if len(e) else 0
     e = e[arrived:] - np.median(e[arrived:]) if arrived > 0 else e[:0]
     size = float(np.median(np.abs(e))) if len(e) else 0.0
-    if size < 2.0 * event["noise"] or size == 0.0:
+    if size < 2.0 * event.noise or size == 0.0:
         return None
     side = np.where(np.abs(e) > HALFWAY * size, np.sign(e), 0.0)
     turns = np.flatnonzero(side)[1:][np.diff(side[side != 0.0]) > 0.0] if np.any(side) else np.array([])
@@ -199,8 +199,8 @@ def swinging(window: Array, event: Any) -> str | None:
     return f"it swings about the set point, about every {cycle:.3g} s"
 
 
-def how_it_ended(event: Any) -> str:
+def how_it_ended(event: ClosedEvent) -> str:
     """Say how the event ended, where that limits what it says."""
-    if STATES[event["state"]] == INTERRUPTED:
-        return f"the event was cut short by {CAUSES[event['cause']]}"
-    return "" if STATES[event["state"]] == SETTLED else "the loop did not settle"
+    if event.state == INTERRUPTED:
+        return f"the event was cut short by {event.cause}"
+    return "" if event.state == SETTLED else "the loop did not settle"

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from monitor.contract.loops import Loop
-from monitor.detect.state import SETTLED, STATES
-from monitor.identify.fit import Array, Fit
+from monitor.detect.event import SETTLED, ClosedEvent
+from monitor.identify.fit import Fit
 
 from .reference import (
     LOAD,
@@ -22,7 +21,7 @@ from .reference import (
 )
 
 
-def index(loop: Loop, event: Any, fit: Fit) -> float | None:
+def index(loop: Loop, event: ClosedEvent, fit: Fit) -> float | None:
     """CI_sp or CI_ld: the reference's IAE over the measured one (its noise's share taken off); None where none applies.
 
     Of an event that was cut short the IAE is a lower bound, so CI is an upper one. It is given where the error
@@ -30,23 +29,23 @@ def index(loop: Loop, event: Any, fit: Fit) -> float | None:
     """
     model = model_of(fit)
     structure = reference_structure(loop)
-    tc = closed_loop_time(loop, reduced(model, structure), float(event["period"]))
+    tc = closed_loop_time(loop, reduced(model, structure), event.period)
     try:
-        kind, size = (SETPOINT, float(event["amplitude"])) if fit.size is None else (LOAD, fit.size)
+        kind, size = (SETPOINT, event.amplitude) if fit.size is None else (LOAD, fit.size)
         best = reference_iae(kind, size, model, structure, tc, loop.b, loop.c)
     except ValueError:
         return None
-    iae = float(event["iae"] - event["iae_noise"])
+    iae = event.iae - event.iae_noise
     if not math.isfinite(best) or iae <= 0:
         return None
-    still_far = abs(float(event["offset"])) > 0.1 * abs(float(event["amplitude"]))
-    if STATES[event["state"]] != SETTLED and still_far and best / iae >= loop.ci_min:
+    still_far = abs(event.offset) > 0.1 * abs(event.amplitude)
+    if event.state != SETTLED and still_far and best / iae >= loop.ci_min:
         return None
     return best / iae
 
 
-def overshoot(event: Any, window: Array) -> float:
+def overshoot(event: ClosedEvent) -> float:
     """How far PV went beyond the new set point, as a share of the step."""
-    after = window[int(event["before"]) :]
-    size = float(event["amplitude"])
-    return max(float(np.max((after[:, 2] - after[:, 1]) / size)), 0.0) if len(after) else 0.0
+    w = event.window
+    beyond = (w.pv - w.sp)[w.before :] / event.amplitude
+    return max(float(np.max(beyond)), 0.0) if len(beyond) else 0.0

@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
+"""Numbers of any shape."""
+
 QUALITY_GOOD = 192
 """OPC quality from which a sample counts as good."""
 QUALITY_UNCERTAIN = 64

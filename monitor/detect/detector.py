@@ -10,6 +10,8 @@ million samples); nothing in it depends on how the samples were batched.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -20,11 +22,16 @@ from monitor.contract.samples import Samples
 from monitor.health.observe import HEALTH
 
 from . import kernel
-from .state import BY_END, CLOSED, EVENT_OUT, PARAM, RING, STATE, TOO_LARGE, WINDOW
+from .event import BY_END, CAUSES, STATES, ClosedEvent, EventWindow, Opened
+from .state import EVENT_OUT, OPENED, PARAM, RING, STATE, TOO_LARGE, WINDOW
 
-OUT = np.dtype([*EVENT_OUT, ("loop_health", HEALTH), ("loop_state", STATE)])
-"""An event handed out; a closed one with the loop's health and state of that moment, so that what is concluded
-does not depend on how the samples were batched."""
+OUT = np.dtype([*EVENT_OUT, ("health", HEALTH)])
+"""What the kernel hands out; a closed event with the loop's health of that moment."""
+Found = list[Opened | ClosedEvent]
+"""What opened and closed, in the samples' order."""
+_AS_THEY_ARE = tuple(
+    f.name for f in fields(ClosedEvent) if f.name not in {"state", "cause", "quiet", "window", "health"}
+)
 
 
 class Detector:
@@ -97,16 +104,9 @@ class Detector:
         self.slab[slot] = window
         self.state["slot"][row] = slot
 
-    def run(self, samples: Samples) -> list[tuple[Any, NDArray[np.float64]]]:
-        """Take in samples; return what opened and closed, in the samples' order.
-
-        Returns
-        -------
-        list of (event, window)
-            ``event`` is a row of dtype `OUT`; ``window`` is (n, 4): time from the onset [s], SP [PV], PV,
-            OP held until the next point (empty for an opening).
-        """
-        found: list[tuple[Any, NDArray[np.float64]]] = []
+    def run(self, samples: Samples) -> Found:
+        """Take in samples; return what opened and closed, in the samples' order."""
+        found: Found = []
         at = 0
         while at < len(samples):
             self._make_room()
@@ -118,9 +118,9 @@ class Detector:
             found += self._drain(n)
         return found
 
-    def flush(self, loops: Any = None, cause: int = BY_END) -> list[tuple[Any, NDArray[np.float64]]]:
+    def flush(self, loops: Iterable[int] | None = None, cause: int = BY_END) -> Found:
         """Close the open events of these rows (default: all) as interrupted, by default by the end of the data."""
-        found: list[tuple[Any, NDArray[np.float64]]] = []
+        found: Found = []
         for row in np.flatnonzero(self.state["slot"] >= 0) if loops is None else loops:
             found += self._drain(
                 kernel.flush(self.state, self.health, self.free, self.n_free, self.out, row, cause)
@@ -137,16 +137,27 @@ class Detector:
         self.free = _grown(np.arange(n + more - 1, n - 1, -1), n + more)
         self.n_free[0] = more
 
-    def _drain(self, n: int) -> list[tuple[Any, NDArray[np.float64]]]:
-        found = []
-        for event in self.out[:n].copy():
-            window = np.zeros((0, 4))
-            if event["what"] == CLOSED:
-                window = self.slab[event["slot"], : event["points"]].copy()
-                self.free[self.n_free[0]] = event["slot"]
-                self.n_free[0] += 1
-            found.append((event, window))
-        self.out[:n] = np.zeros((), OUT)  # an opening fills only part of its row
+    def _drain(self, n: int) -> Found:
+        """Copy what the kernel handed out, and free the slots of closed events."""
+        found: Found = []
+        for out in self.out[:n]:
+            if out["what"] == OPENED:
+                found.append(Opened(*(out[name].item() for name in ("row", "number", "onset", "amplitude"))))
+                continue
+            time, sp, pv, op = self.slab[out["slot"], : out["points"]].T.copy()
+            window = EventWindow(time, sp, pv, op, int(out["before"]))
+            self.free[self.n_free[0]] = out["slot"]
+            self.n_free[0] += 1
+            found.append(
+                ClosedEvent(
+                    **{name: out[name].item() for name in _AS_THEY_ARE},
+                    state=STATES[out["state"]],
+                    cause=CAUSES[out["cause"]],
+                    quiet=bool(out["quiet"]),
+                    window=window,
+                    health=out["health"].copy(),
+                )
+            )
         return found
 
 

@@ -12,7 +12,7 @@ from monitor.compiled import jit
 
 from .accept import accepted, follow_rate, keep_last, remember
 from .baseline import await_baseline
-from .phases import advance, apply_actions, cut_or_drop, end_event, stamp_health
+from .phases import advance, apply_actions, cut_or_drop, end_event
 from .state import BEGIN, BEGIN_LOAD, CANDIDATE, CUT, DROP, EVENT, RING
 from .window import append, begin_load, close, drop
 
@@ -91,6 +91,4 @@ def flush(state, health, free, n_free, out, i, cause):
         return 0
     end_event(s, 2, cause, s.time)
     await_baseline(s)
-    n = close(s, out, 0, i)
-    stamp_health(out[0], health[i], s)
-    return n
+    return close(s, health[i], out, 0, i)

@@ -16,15 +16,13 @@ from .baseline import (
     short_weight,
     update_baseline,
 )
+from .event import BY_GAP, BY_MODE, BY_STEP, LOAD_STEP, SETPOINT_STEP
 from .setpoint import come_to_rest, has_moved, is_at_rest, note_move, start_moving
 from .state import (
     AWAY,
     BEGIN,
     BEGIN_LOAD,
     BLIND,
-    BY_GAP,
-    BY_MODE,
-    BY_STEP,
     CALM,
     CANDIDATE,
     CONFIRM,
@@ -36,14 +34,12 @@ from .state import (
     KNOWN,
     LOAD_QUANTA,
     LOAD_STANDS_OUT,
-    LOAD_STEP,
     MAX_GAP,
     MOVING,
     NOISE_FREE,
     OUTLIER,
     QUIET,
     RAMP_REST,
-    SETPOINT_STEP,
     STILLER,
     TIMEOUT,
     WARM_UP,
@@ -136,18 +132,10 @@ def apply_actions(act, s, h, ring, ring_time, slab, free, n_free, out, n, i, tim
         n = confirm(s, out, n, i, time, sp)
     if act & (CUT | DONE):
         await_baseline(s)
-        n = close(s, out, n, i)
-        stamp_health(out[n - 1], h, s)
+        n = close(s, h, out, n, i)
     if act & (BEGIN | BEGIN_LOAD):
         begin(s, ring, ring_time, slab, free, n_free, i, time)
     return n
-
-
-@jit
-def stamp_health(o, h, s):
-    """Put the loop's health and state of this moment on a closed event."""
-    o.loop_health = h
-    o.loop_state = s
 
 
 @jit
@@ -167,9 +155,9 @@ def cut_or_drop(s):
 def _integrate(s, p, dt, pv):
     """Account for one sample of an open event."""
     add(s, s.sp, s.pv, pv, s.op, dt)
-    s.good += dt if s.period == 0 else min(dt, 1.5 * s.period)
+    s.good_time += dt if s.period == 0 else min(dt, 1.5 * s.period)
     if s.op <= p.op_low or s.op >= p.op_high:
-        s.saturated += dt
+        s.saturated_time += dt
 
 
 @jit

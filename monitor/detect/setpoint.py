@@ -72,7 +72,7 @@ def come_to_rest(s, time, sp):
     if not is_at_rest(s, time, STEP_REST):
         return 0
     s.amplitude = sp - s.sp_from
-    if abs(s.amplitude) > max(STEP_STANDS_OUT * max(s.sd_e, 0.99 * s.quantum), ROUNDING * abs(sp)):
+    if abs(s.amplitude) > max(STEP_STANDS_OUT * max(s.error_sd, 0.99 * s.quantum), ROUNDING * abs(sp)):
         return CONFIRM
     s.phase = QUIET  # the set point moved, but within the noise
     return DROP

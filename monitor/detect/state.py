@@ -94,25 +94,15 @@ WARMING, QUIET, CANDIDATE, EVENT, MOVING = range(5)
 DROP, CONFIRM, DONE, CUT, BEGIN, BEGIN_LOAD = 1, 2, 4, 8, 16, 32
 """What to do with a loop's window: forget it, report it open, hand it out (with or without this sample), open one."""
 OPENED, CLOSED = 1, 2
-SETPOINT_STEP, LOAD_STEP = 0, 1
-SETTLED, INTERRUPTED, TIMED_OUT = "settled", "interrupted", "timeout"
-STATES = ("", SETTLED, INTERRUPTED, TIMED_OUT)
-CAUSES = (
-    "",
-    "the set point moved again",
-    "a gap in the data",
-    "a change to manual",
-    "the end of the data",
-    "a change of settings",
-)
-BY_STEP, BY_GAP, BY_MODE, BY_END, BY_SETTINGS = range(1, 6)
 
 COUNTS = ("ok", "uncertain", "bad_value", "bad_quality", "duplicate", "conflict", "late")
 """What became of a sample; `ok` includes `uncertain`, `duplicate` includes `conflict`."""
 
 _f, _i = np.float64, np.int64
-_INTEGRALS = [(name, _f) for name in ("s1", "s2", "s3", "y1", "y2", "iae", "iae_noise", "good", "saturated")]
-_BASELINE = [(name, _f) for name in ("pv0", "op0", "sd_e", "noise")]
+_INTEGRALS = [
+    (name, _f) for name in ("s1", "s2", "s3", "y1", "y2", "iae", "iae_noise", "good_time", "saturated_time")
+]
+_BASELINE = [(name, _f) for name in ("pv0", "op0", "error_sd", "noise")]
 
 PARAM = np.dtype([("period", _f), ("pv_min", _f), ("pv_max", _f), ("op_low", _f), ("op_high", _f)])
 
@@ -139,8 +129,8 @@ STATE = np.dtype(
 )
 
 EVENT_OUT = [
-    *[(n, _i) for n in "what loop kind state cause slot points before onset end number".split()],
-    *[(n, _f) for n in "amplitude wall quiet offset period sp_from quantum uncertain".split()],
+    *[(n, _i) for n in "what row kind state cause slot points before onset end number".split()],
+    *[(n, _f) for n in "amplitude duration quiet offset period quantum uncertain_share short_sd".split()],
     *_INTEGRALS,
     *_BASELINE,
 ]

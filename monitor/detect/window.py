@@ -9,19 +9,8 @@ import numpy as np
 
 from monitor.compiled import jit
 
-from .state import (
-    CANDIDATE,
-    CLOSED,
-    COARSE,
-    EVENT,
-    LEAST_BEFORE,
-    LOAD_STEP,
-    OPENED,
-    RING,
-    SETPOINT_STEP,
-    WARM_UP,
-    WINDOW,
-)
+from .event import LOAD_STEP, SETPOINT_STEP
+from .state import CANDIDATE, CLOSED, COARSE, EVENT, LEAST_BEFORE, OPENED, RING, WARM_UP, WINDOW
 
 
 @jit
@@ -33,11 +22,11 @@ def begin(s, ring, ring_time, slab, free, n_free, i, time):
     s.ok_before, s.uncertain_before = s.ok, s.uncertain
     n_free[0] -= 1
     s.slot = free[n_free[0]]
-    s.s1 = s.s2 = s.s3 = s.y1 = s.y2 = s.iae = s.iae_noise = s.good = s.saturated = 0.0
+    s.s1 = s.s2 = s.s3 = s.y1 = s.y2 = s.iae = s.iae_noise = s.good_time = s.saturated_time = 0.0
     based = s.based >= WARM_UP // 2
     s.pv0 = s.mean_pv if based else s.pv
     s.op0 = s.mean_op if based else s.op
-    s.sd_e, s.noise = np.sqrt(s.var_e), np.sqrt(s.var_d / 6.0)
+    s.error_sd, s.noise = np.sqrt(s.var_e), np.sqrt(s.var_d / 6.0)
     s.quiet = 1.0 if s.based >= WARM_UP and s.away == 0 else 0.0
     # what lies before the loop came to rest belongs to another event
     m = min(s.ringed, RING, max(s.based if s.away == 0 else 0, LEAST_BEFORE))
@@ -63,7 +52,7 @@ def begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time, pv):
     s.events += 1
     # the noise of before the response
     s.mean_e, s.var_e, s.abs_e, s.mean_s, s.var_s = s.mean_e_2, s.var_e_2, s.abs_e_2, s.mean_s_2, s.var_s_2
-    s.sd_e = np.sqrt(s.var_e)
+    s.error_sd = np.sqrt(s.var_e)
     s.amplitude = abs(s.short - s.mean_s)
     restart_settling(s, time)
     s.waves = s.side = 0
@@ -110,8 +99,8 @@ def confirm(s, out, n, i, time, sp):
     s.waves = s.side = 0
     o = out[n]
     o.kind = SETPOINT_STEP
-    o.what, o.loop, o.state, o.cause, o.slot, o.points = OPENED, i, 0, 0, -1, 0
-    o.onset, o.end, o.number, o.amplitude, o.period = s.onset, s.onset, s.events, s.amplitude, s.period
+    o.what, o.row, o.slot = OPENED, i, -1
+    o.onset, o.number, o.amplitude = s.onset, s.events, s.amplitude
     return n + 1
 
 
@@ -141,7 +130,7 @@ def add(s, sp, pv_old, pv_new, op, dt):
     s.y1 = y1
     area = 0.5 * (abs(sp - pv_old) + abs(sp - pv_new)) * dt
     s.iae += area
-    if abs(s.short - s.mean_e) < 2.0 * s.sd_e:
+    if abs(s.short - s.mean_e) < 2.0 * s.error_sd:
         s.iae_noise += min(area, s.abs_e * dt)  # nothing but noise is left here
 
 
@@ -182,18 +171,20 @@ def halve(s, w, t_next):
 
 
 @jit
-def close(s, out, n, i):
-    """Hand the event out; its slot is freed by whoever copies the window."""
+def close(s, h, out, n, i):
+    """Hand the event out with the loop's health of this moment; its slot is freed by whoever copies the window."""
     o = out[n]
     o.kind = s.kind
-    o.what, o.loop, o.state, o.cause, o.slot = CLOSED, i, s.end_state, s.end_cause, s.slot
+    o.what, o.row, o.state, o.cause, o.slot = CLOSED, i, s.end_state, s.end_cause, s.slot
     o.points, o.before, o.onset, o.end, o.number = s.points, s.before, s.onset, s.end, s.events
-    o.amplitude, o.quiet, o.period, o.sp_from = s.amplitude, s.quiet, s.period, s.sp_from
-    o.wall = (s.end - s.onset) * 1e-9
-    o.uncertain = (s.uncertain - s.uncertain_before) / max(s.ok - s.ok_before, 1)
+    o.amplitude, o.quiet, o.period = s.amplitude, s.quiet, s.period
+    o.duration = (s.end - s.onset) * 1e-9
+    o.uncertain_share = (s.uncertain - s.uncertain_before) / max(s.ok - s.ok_before, 1)
     o.offset = s.sum_e / s.sum_t if s.sum_t > 0 else s.short
     o.s1, o.s2, o.s3, o.y1, o.y2 = s.s1, s.s2, s.s3, s.y1, s.y2
-    o.iae, o.iae_noise, o.good, o.saturated = s.iae, s.iae_noise, s.good, s.saturated
-    o.pv0, o.op0, o.sd_e, o.noise, o.quantum = s.pv0, s.op0, s.sd_e, s.noise, s.quantum
+    o.iae, o.iae_noise, o.good_time, o.saturated_time = s.iae, s.iae_noise, s.good_time, s.saturated_time
+    o.pv0, o.op0, o.error_sd, o.noise, o.quantum = s.pv0, s.op0, s.error_sd, s.noise, s.quantum
+    o.short_sd = np.sqrt(s.var_s)
+    o.health = h
     s.slot = -1
     return n + 1

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monitor.detect.event import EventWindow
 from tuners.models import INTEGRATING
 
 from .fit import ALIKE, DECIDES, SIMPLER, Array, Fit, Valley, better_by
@@ -40,7 +41,7 @@ LEAST_NOISE = 1e-10
 
 
 def fit_kinds(
-    window: Array, before: int, kinds: list[str], load: bool = False, period: float | None = None
+    window: EventWindow, kinds: list[str], load: bool = False, period: float | None = None
 ) -> list[Fit]:
     """Fit the kinds of process that a loop may be, as `fit_window` does one; what cannot be fitted is left out.
 
@@ -48,13 +49,13 @@ def fit_kinds(
     """
     fits: list[Fit] = []
     for kind in kinds:
-        fit = fit_window(window, before, kind, load, period, len(kinds) > 1, fits[0] if fits else None)
+        fit = fit_window(window, kind, load, period, len(kinds) > 1, fits[0] if fits else None)
         fits += [] if fit is None else [fit]
     return fits
 
 
 def fit_window(
-    window: Array, before: int, process: str, load: bool = False, period: float | None = None,
+    window: EventWindow, process: str, load: bool = False, period: float | None = None,
     compared: bool = False, rival: Fit | None = None,
 ) -> Fit | None:  # fmt: skip
     """Fit the half-rule model of one kind of process to a window.
@@ -62,9 +63,7 @@ def fit_window(
     Parameters
     ----------
     window
-        (n, 4): time [s], SP [PV], PV [PV], OP held until the next point [OP].
-    before
-        Points before the onset; the output's rest value is taken from them.
+        The output's rest value is taken from its points before the onset.
     process
         ``integrating``: ``y = mu F(lag, dead time)[int u] + c0 + c1 t`` (c1: a load that OP did not balance);
         ``self-regulating``: ``y = K F(lag, lag2, dead time)[u] + c0``.
@@ -86,7 +85,7 @@ def fit_window(
     n = len(window)
     if n < 12:
         return None
-    t, u, y = window_columns(window, before, load)
+    t, u, y = window_columns(window, load)
     if not np.any(u) or np.ptp(y) == 0:
         return None
     kind = (0 if process == INTEGRATING else 1) + (2 if load else 0)
@@ -100,10 +99,10 @@ def fit_window(
     return replace(fit, size=found.load / found.gain, onset=float(p[ONSET])) if load else fit
 
 
-def model_response(window: Array, before: int, fit: Fit) -> Array:
+def model_response(window: EventWindow, fit: Fit) -> Array:
     """PV as the model gives it from the window's OP, offset (and slope, if integrating) fitted; (n,) [PV]."""
     load = fit.size is not None and fit.onset is not None
-    t, u, y = window_columns(window, before, load)
+    t, u, y = window_columns(window, load)
     kind = 0 if fit.process == INTEGRATING else 1
     x = fit.gain * response(t, u, kind, fit.dead_time, fit.lag, fit.lag2)
     if fit.size is not None and fit.onset is not None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.detect.event import EventWindow
 from tuners.models import INTEGRATING
 from tuners.settings import NotRepresentableError, Settings
 
@@ -50,7 +51,7 @@ class _Case:
     lag2: float
 
 
-def reproduces(window: Array, settings: Settings, period: float) -> float:
+def reproduces(window: EventWindow, settings: Settings, period: float) -> float:
     """Share of OP's variance that these settings explain, fed with the window's SP and PV (at most 1).
 
     The integral's start is not known: a constant is fitted.
@@ -59,11 +60,12 @@ def reproduces(window: Array, settings: Settings, period: float) -> float:
     if standard is None:
         return -math.inf
     kp, ki, kd, tf, b, c = standard
-    steps = np.diff(window[:, 0])
+    steps = np.diff(window.time)
     wide = np.flatnonzero(
         steps > 3.0 * np.median(steps)
     )  # the far past of a load step is kept in coarse points
-    t, sp, pv, op = window[(wide[-1] + 1 if len(wide) and wide[-1] < len(window) // 2 else 0) :].T
+    first = wide[-1] + 1 if len(wide) and wide[-1] < len(window) // 2 else 0
+    t, sp, pv, op = (column[first:] for column in (window.time, window.sp, window.pv, window.op))
     e = sp - pv
     dt = np.diff(t, prepend=t[0] - period)
     integral = np.cumsum(e * dt)
@@ -76,15 +78,11 @@ def reproduces(window: Array, settings: Settings, period: float) -> float:
     return 1.0 - float(np.var(op - wish)) / spread if spread > 0 else -math.inf
 
 
-def indirect_fit(window: Array, before: int, period: float, settings: Settings, start: Fit) -> Fit | None:
+def indirect_fit(window: EventWindow, period: float, settings: Settings, start: Fit) -> Fit | None:
     """Fit the model to a set-point step by simulating the closed loop, from the direct fit on.
 
     Parameters
     ----------
-    window
-        (n, 4): time [s], SP, PV [PV], OP [OP].
-    before
-        Points before the onset.
     period
         Of samples and scans [s].
     settings
@@ -97,7 +95,7 @@ def indirect_fit(window: Array, before: int, period: float, settings: Settings, 
     Fit or None
         None where the window does not lie on a regular grid or nothing better than the guess is found.
     """
-    case = _case(window, before, period, settings, start)
+    case = _case(window, period, settings, start)
     if case is None:
         return None
     p = np.array([math.log(abs(start.gain)), start.lag, start.dead_time])
@@ -119,15 +117,15 @@ def _standard(settings: Settings) -> tuple[float, float, float, float, float, fl
     return float(s.kp), float(s.ki), float(s.kd), float(s.filter_time), float(s.b), float(s.c)
 
 
-def _case(window: Array, before: int, period: float, settings: Settings, start: Fit) -> _Case | None:
+def _case(window: EventWindow, period: float, settings: Settings, start: Fit) -> _Case | None:
     controller = _standard(settings)
     if controller is None or period <= 0:
         return None
-    t, sp, pv, _ = window.T
+    t, sp, pv = window.time, window.sp, window.pv
     at = np.round(t / period).astype(np.int64)
     if np.abs(t - at * period).max() > OFF_GRID * period or np.any(np.diff(at) <= 0) or at[-1] > MOST_SCANS:
         return None
-    sp0 = float(np.median(sp[: max(before, 1)]))
+    sp0 = float(np.median(sp[: max(window.before, 1)]))
     place = np.searchsorted(at, np.arange(int(at[-1]) + 1), side="right") - 1
     return _Case(
         kind=0 if start.process == INTEGRATING else 1,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.detect.state import LOAD_STEP
+from monitor.detect.event import LOAD_STEP, ClosedEvent
 
 from .fit import Array
 
@@ -22,32 +22,29 @@ AROUND = 8
 """Neighbours to either side that are looked at."""
 
 
-def without_wild(event: Any, window: Array) -> tuple[Any, Array]:
-    """Return event and window without wild values of PV: each is taken for the mean of its neighbours.
+def without_wild(event: ClosedEvent) -> ClosedEvent:
+    """Return the event without wild values of PV: each is taken for the mean of its neighbours.
 
-    Parameters
-    ----------
-    event
-        Row of dtype `detect.OUT`; a copy is returned, with what its integrals owe to such values taken away.
-    window
-        (n, 4) time [s], SP, PV [PV], OP [OP].
+    What the integrated error owes to such values is taken away; the other integrals are not to be relied on any
+    more, so that the event counts as one that did not begin at rest.
     """
-    wild = wild_values(window[:, 2], max(FAR * float(event["noise"]), STEPS * float(event["quantum"])))
-    if event["kind"] == LOAD_STEP:  # how a load begins is not known
-        wild = wild[np.abs(wild - int(event["before"])) > BEGINS]
+    window = event.window
+    wild = wild_values(window.pv, max(FAR * event.noise, STEPS * event.quantum))
+    if event.kind == LOAD_STEP:  # how a load begins is not known
+        wild = wild[np.abs(wild - window.before) > BEGINS]
     if len(wild) == 0:
-        return event, window
-    clean, mended = window.copy(), event.copy()
-    clean[wild, 2] = 0.5 * (window[wild - 1, 2] + window[wild + 1, 2])
-    before, after = (np.abs(w[:, 1] - w[:, 2]) for w in (window, clean))
-    counted = wild[wild >= event["before"]]
-    mended["iae"] -= float(np.sum((before - after)[counted]) * event["period"])
-    mended["quiet"] = 0.0  # the other integrals are not to be relied on
-    if event["kind"] == LOAD_STEP:
-        error = clean[:, 1] - clean[:, 2]
-        rest = np.mean(error[: max(int(event["before"]), 1)])
-        mended["amplitude"] = min(float(event["amplitude"]), float(np.max(np.abs(error - rest))))
-    return mended, clean
+        return event
+    pv = window.pv.copy()
+    pv[wild] = 0.5 * (window.pv[wild - 1] + window.pv[wild + 1])
+    error = window.sp - pv
+    counted = wild[wild >= window.before]
+    too_much = float(np.sum((np.abs(window.sp - window.pv) - np.abs(error))[counted]) * event.period)
+    amplitude = event.amplitude
+    if event.kind == LOAD_STEP:
+        rest = np.mean(error[: max(window.before, 1)])
+        amplitude = min(amplitude, float(np.max(np.abs(error - rest))))
+    clean = replace(window, pv=pv)
+    return replace(event, window=clean, iae=event.iae - too_much, amplitude=amplitude, quiet=False)
 
 
 def wild_values(pv: Array, far: float) -> NDArray[np.intp]:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.detect.event import EventWindow
+
 from .fit import Array
 from .projection import DEAD, LAG, MOST_POINTS, ONSET, SHARE, blocks, project
 
@@ -14,11 +16,10 @@ SINGLE, BESIDE, EVERY = ((DEAD, LAG), (LAG, SHARE), (DEAD, LAG, SHARE))
 """Parameters that are searched for: with one lag, at a given dead time, all; for a load the onset too."""
 
 
-def window_columns(window: Array, before: int, load: bool) -> tuple[Array, Array, Array]:
+def window_columns(window: EventWindow, load: bool) -> tuple[Array, Array, Array]:
     """Time, OP as deviation from rest, PV. A load acted before it was noticed: the rest lies further back."""
-    rest = np.mean(window[: max(before // 2 if load else before, 1), 3])
-    t, _, y, op = (np.ascontiguousarray(column) for column in window.T)
-    return t, op - rest, y
+    rest = np.mean(window.op[: max(window.before // 2 if load else window.before, 1)])
+    return window.time, window.op - rest, window.pv
 
 
 # -- all models that explain a window ---------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -9,46 +10,46 @@ from numpy.typing import NDArray
 
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
-from monitor.detect.detector import Detector
-from monitor.detect.state import CLOSED, COUNTS, OPENED
+from monitor.detect.detector import Detector, Found
+from monitor.detect.event import LOAD_STEP, SETPOINT_STEP, ClosedEvent, EventWindow, Opened
 from tests.support.plants import pi_loop, times
 
-Found = list[tuple[Any, NDArray[np.float64]]]
+
+def events_of(found: Found) -> list[ClosedEvent]:
+    """Set-point events that have closed."""
+    return [e for e in found if isinstance(e, ClosedEvent) and e.kind == SETPOINT_STEP]
 
 
-def is_step(event: Any) -> bool:
-    """Whether it is a set-point step's; the kernel also hands out what may be a load step, to be verified."""
-    return "kind" not in event.dtype.names or event["kind"] == 0
-
-
-def events_of(found: Found, what: int = CLOSED) -> list[Any]:
-    return [event for event, _ in found if event["what"] == what and is_step(event)]
-
-
-def loads_of(found: Found) -> list[Any]:
+def loads_of(found: Found) -> list[ClosedEvent]:
     """Suspected load steps, handed out for verification."""
-    return [event for event, _ in found if event["what"] == CLOSED and not is_step(event)]
+    return [e for e in found if isinstance(e, ClosedEvent) and e.kind == LOAD_STEP]
 
 
-def steps_of(found: Found) -> list[Any]:
+def openings_of(found: Found) -> list[Opened]:
+    return [e for e in found if isinstance(e, Opened)]
+
+
+def steps_of(found: Found) -> list[Opened | ClosedEvent]:
     """Set-point events, opened or closed."""
-    return events_of(found, OPENED) + events_of(found)
+    return [*openings_of(found), *events_of(found)]
 
 
-def closings(found: Found) -> Found:
-    """Set-point events with their windows."""
-    return [(event, window) for event, window in found if event["what"] == CLOSED and is_step(event)]
+def columns_of(window: EventWindow) -> NDArray[np.float64]:
+    """(n, 4) time, SP, PV, OP."""
+    return np.column_stack([window.time, window.sp, window.pv, window.op])
 
 
-def as_bytes(found: Found) -> list[tuple[bytes, bytes]]:
-    """Everything an event says but the slot its window happened to lie in."""
+def as_bytes(found: Found) -> list[tuple[str, bytes, bytes]]:
+    """Everything an event says."""
     out = []
-    for event, window in found:
-        copy = event.copy()
-        copy["slot"] = copy["loop_state"]["slot"] = 0
-        for name in (*COUNTS, "lates", "late_at", "ok_before", "uncertain_before"):
-            copy["loop_state"][name] = 0
-        out.append((copy.tobytes(), window.tobytes()))
+    for event in found:
+        names = [f.name for f in fields(event) if f.name not in {"window", "health"}]
+        said = repr([(name, getattr(event, name)) for name in names])
+        if isinstance(event, Opened):
+            out.append((said, b"", b""))
+        else:
+            window = event.window
+            out.append((f"{said} {window.before}", columns_of(window).tobytes(), event.health.tobytes()))
     return out
 
 
@@ -64,6 +65,11 @@ def detected(samples: Samples, **facts: Any) -> tuple[Detector, Found]:
     detector = Detector([Loop(name="L", **facts)])
     found = detector.run(samples)
     return detector, found + detector.flush()
+
+
+def closed_event() -> ClosedEvent:
+    """A step of 4 that settled."""
+    return events_of(detected(stepped())[1])[0]
 
 
 def slots_are_whole(detector: Detector) -> None:

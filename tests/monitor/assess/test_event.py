@@ -14,12 +14,13 @@ from monitor.assess.tuning import integral_too_strong, judge
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, RETUNE, Assessment
 from monitor.contract.samples import Samples
-from monitor.detect.state import LOAD_STEP, SETPOINT_STEP
+from monitor.detect.event import LOAD_STEP, SETPOINT_STEP
 from monitor.engine import Engine
 from sim_plants.controllers import Controller
 from sim_plants.loops import Simulation
 from sim_plants.plants import Plant
 from sim_plants.specs import LoopSpec, Steps
+from tests.support.detection import closed_event
 from tests.support.fits import make_fit
 from tests.support.plants import pi_loop, samples_of, times
 from tests.support.runs import Seen, run
@@ -163,7 +164,7 @@ def test_evidence_that_cannot_carry_a_verdict(change, facts, word):
 def test_what_a_model_must_explain(kind, quality, sigma, noise, amplitude, enough):
     """All but the noise; where far more than PV's noise is left over, as in a loop that swings, nearly all."""
     fit = replace(make_fit(), quality=quality, sigma=sigma)
-    event = {"kind": kind, "amplitude": amplitude, "sd_e": 0.1, "noise": noise}
+    event = replace(closed_event(), kind=kind, amplitude=amplitude, error_sd=0.1, noise=noise)
     assert is_explained(fit, event) == enough
 
 

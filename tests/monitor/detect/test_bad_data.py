@@ -10,15 +10,18 @@ import pytest
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples, join
 from monitor.detect.detector import Detector
-from monitor.detect.state import BY_GAP, COUNTS, REBASE, STATES
+from monitor.detect.event import BY_GAP, CAUSES, ClosedEvent
+from monitor.detect.state import COUNTS, REBASE
 from monitor.identify.integrals import setpoint_integrals
 from sim_plants.loops import Simulation
 from sim_plants.scenarios import reference_loops
 from sim_plants.specs import NEVER, Steps
 from tests.support.detection import (
     as_bytes,
+    columns_of,
     detected,
     events_of,
+    openings_of,
     stepped,
     steps_of,
 )
@@ -82,9 +85,8 @@ def test_an_uncertain_sample_is_used_and_counted():
     """Quality 64 to 191 counts as good data, and is counted apart."""
     samples = stepped()
     detector, found = detected(replace(samples, quality=np.full(700, 64, np.uint8)))
-    assert [float(e["uncertain"]) for e in events_of(found)] == [1.0]
-    for event, _ in found:
-        event["uncertain"] = 0.0
+    assert [e.uncertain_share for e in events_of(found)] == [1.0]
+    found = [replace(e, uncertain_share=0.0) if isinstance(e, ClosedEvent) else e for e in found]
     assert as_bytes(found) == as_bytes(detected(samples)[1])
     assert detector.state[0]["uncertain"] == detector.state[0]["ok"] == 700
 
@@ -130,8 +132,9 @@ def test_a_set_point_that_is_missing_holds():
     sp[[100, 150, 230, 231]] = np.nan
     detector, found = detected(replace(samples, sp=sp))
     expected = detected(samples)[1]
-    assert [w.tobytes() for _, w in found] == [w.tobytes() for _, w in expected]
-    assert events_of(found)[0]["iae"] == events_of(expected)[0]["iae"]
+    (event,), (whole,) = events_of(found), events_of(expected)
+    np.testing.assert_array_equal(columns_of(event.window), columns_of(whole.window))
+    assert event.iae == whole.iae
     assert detector.state[0]["ok"] == 700
 
 
@@ -141,7 +144,7 @@ def test_a_set_point_that_changes_unseen_is_no_step():
     sp, pv = samples.sp + 1.0 * (np.arange(1500) > 330), samples.pv + 1.0 * (np.arange(1500) > 330)
     sp[300:360] = np.nan
     _, found = detected(replace(samples, sp=sp, pv=pv))
-    assert [e["onset"] for e in events_of(found)] == [START + 700 * SECOND]
+    assert [e.onset for e in events_of(found)] == [START + 700 * SECOND]
 
 
 def test_a_clock_that_is_set_back_costs_some_samples_not_an_hour():
@@ -152,7 +155,7 @@ def test_a_clock_that_is_set_back_costs_some_samples_not_an_hour():
     detector, found = detected(replace(samples, time=shifted), period=1.0)
     state = detector.state[0]
     assert (state["late"], state["rebased"], state["ok"]) == (REBASE, 1, 1200 - REBASE)
-    assert [e["onset"] for e in events_of(found)] == [shifted[600]]
+    assert [e.onset for e in events_of(found)] == [shifted[600]]
     assert detector.health[0]["wall_time"] == pytest.approx(1200, abs=REBASE + 2)
 
 
@@ -163,8 +166,8 @@ def test_a_clock_that_is_set_back_interrupts_an_event():
     shifted[230:] -= 3600 * SECOND
     _, found = detected(replace(samples, time=shifted), period=1.0)
     (event,) = events_of(found)
-    assert (STATES[event["state"]], event["cause"]) == ("interrupted", BY_GAP)
-    assert event["end"] == START + 229 * SECOND
+    assert (event.state, event.cause) == ("interrupted", CAUSES[BY_GAP])
+    assert event.end == START + 229 * SECOND
 
 
 def test_a_batch_of_old_samples_is_dropped():
@@ -198,7 +201,7 @@ def test_a_sample_rate_that_changes_is_followed(facts):
     assert detector.state[0]["period"] == pytest.approx(10.0)
     found += detector.run(samples.take(slice(850, None)))
     assert detector.state[0]["period"] == pytest.approx(1.0)
-    assert [e["onset"] for e in steps_of(found) if e["what"] == 1] == [samples.time[300], samples.time[1200]]
+    assert [e.onset for e in openings_of(found)] == [samples.time[300], samples.time[1200]]
 
 
 @pytest.mark.parametrize("kind", ["jittered", "by exception", "5 % missing"])
@@ -232,9 +235,9 @@ def test_other_units_are_no_step(in_event):
         )
     )[1]
     if in_event:
-        assert [(STATES[e["state"]], e["cause"]) for e in events_of(found)] == [("interrupted", BY_GAP)]
+        assert [(e.state, e.cause) for e in events_of(found)] == [("interrupted", CAUSES[BY_GAP])]
     else:
-        assert [e["amplitude"] for e in events_of(found)] == pytest.approx([1.8 * 4.0])
+        assert [e.amplitude for e in events_of(found)] == pytest.approx([1.8 * 4.0])
 
 
 def test_one_missing_sample_is_bridged():
@@ -244,10 +247,10 @@ def test_one_missing_sample_is_bridged():
     keep = np.ones(700, bool)
     keep[[215, 231]] = False
     (event,) = events_of(detected(samples.take(keep))[1])
-    assert STATES[event["state"]] == "settled"
-    assert event["iae"] == pytest.approx(whole["iae"], rel=0.01)
-    assert whole["good"] == pytest.approx(whole["wall"])
-    assert event["good"] == pytest.approx(event["wall"] - 1.0)
+    assert event.state == "settled"
+    assert event.iae == pytest.approx(whole.iae, rel=0.01)
+    assert whole.good_time == pytest.approx(whole.duration)
+    assert event.good_time == pytest.approx(event.duration - 1.0)
 
 
 def test_five_percent_missing_at_random():
@@ -257,9 +260,9 @@ def test_five_percent_missing_at_random():
     keep = np.random.default_rng(2).random(2000) > 0.05
     keep[798:806] = True
     (event,) = events_of(detected(samples.take(keep))[1])
-    signal = whole["iae"] - whole["iae_noise"]
-    assert event["iae"] - event["iae_noise"] == pytest.approx(signal, rel=0.01)
-    assert event["good"] / event["wall"] < 0.99
+    signal = whole.iae - whole.iae_noise
+    assert event.iae - event.iae_noise == pytest.approx(signal, rel=0.01)
+    assert event.good_time / event.duration < 0.99
 
 
 def test_jittered_times_do_not_bias_the_integrals():
@@ -270,7 +273,7 @@ def test_jittered_times_do_not_bias_the_integrals():
     keep = np.cumsum(rng.integers(1, 4, 1200))
     uneven = block.take(keep[keep < len(block)])
     (event,) = events_of(detected(uneven, period=0.2)[1])
-    gain, _ = setpoint_integrals(*(float(event[n]) for n in ("amplitude", "s1", "s2", "y1")))
+    gain, _ = setpoint_integrals(event.amplitude, event.s1, event.s2, event.y1)
     assert gain == pytest.approx(1.0, rel=0.05)
 
 
@@ -282,7 +285,7 @@ def test_time_at_a_limit_is_counted_only_where_limits_are_known():
     (event,) = events_of(found)
     at_limit = int((op >= 55.0).sum())
     assert at_limit > 0
-    assert event["saturated"] == pytest.approx(at_limit, abs=1)
+    assert event.saturated_time == pytest.approx(at_limit, abs=1)
     assert with_limit.health[0]["limit_time"] == pytest.approx(at_limit, abs=1)
     without, _ = detected(replace(samples, op=np.clip(samples.op, 0, 100)))
     assert without.health[0]["limit_time"] == 0.0
@@ -296,4 +299,4 @@ def test_a_glitch_at_the_start_does_not_pass_for_noise(value, at):
     pv = samples.pv.copy()
     pv[at] = value
     _, found = detected(replace(samples, pv=pv))
-    assert [float(e["amplitude"]) for e in events_of(found)] == [2.0]
+    assert [e.amplitude for e in events_of(found)] == [2.0]

@@ -11,7 +11,7 @@ import pytest
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector
-from monitor.detect.state import BY_STEP, CLOSED, STATES
+from monitor.detect.event import BY_STEP, CAUSES, ClosedEvent
 from sim_plants.loops import Simulation
 from sim_plants.plants import Plant
 from sim_plants.settings import robust_simc
@@ -53,12 +53,12 @@ def test_windows_of_suspected_load_steps_run_forward_in_time(before):
     pv = pv + np.where(late > 0, 3.0 * late / 20 * np.exp(-late / 40.0), 0.0)
     samples = Samples.of(0, times(n), 50.0, pv, 100 - pv)
     detector = Detector([Loop(name="L")])
-    found = [f for f in detector.run(samples) + detector.flush() if f[0]["what"] == CLOSED]
+    found = [e for e in detector.run(samples) + detector.flush() if isinstance(e, ClosedEvent)]
     assert found
-    for event, window in found:
-        at = np.round(window[:, 0] + (event["onset"] - START) / SECOND).astype(int)
+    for event in found:
+        at = np.round(event.window.time + (event.onset - START) / SECOND).astype(int)
         assert np.all(np.diff(at) > 0)
-        np.testing.assert_array_equal(window[:, 2], pv[at])
+        np.testing.assert_array_equal(event.window.pv, pv[at])
 
 
 LEVEL = Plant("integrating", 0.03, 4.0, (2.0,))
@@ -79,9 +79,9 @@ def test_a_load_step_is_handed_out_once(size, wander):
     samples = simulated(3000.0, noise=0.05, wander=wander, seed=3, load=Steps((1500.3,), (size,)))
     _, found = detected(samples)
     (event,) = loads_of(found)
-    assert STATES[event["state"]] == "settled"
-    assert 0 < (event["onset"] - START) / SECOND - 1500.3 < 20
-    assert event["quiet"] == 1.0
+    assert event.state == "settled"
+    assert 0 < (event.onset - START) / SECOND - 1500.3 < 20
+    assert event.quiet
     assert steps_of(found) == []
 
 
@@ -92,10 +92,10 @@ def test_a_slow_response_is_waited_for_until_it_has_returned():
     _, found = detected(samples)
     (event,) = loads_of(found)
     away = np.abs(samples.pv - 50.0)
-    assert STATES[event["state"]] == "settled"
-    assert event["amplitude"] == pytest.approx(away.max(), rel=0.1)
-    assert event["end"] > samples.time[away.argmax()]
-    assert abs(event["offset"]) < 0.1 * event["amplitude"]
+    assert event.state == "settled"
+    assert event.amplitude == pytest.approx(away.max(), rel=0.1)
+    assert event.end > samples.time[away.argmax()]
+    assert abs(event.offset) < 0.1 * event.amplitude
 
 
 def test_an_oscillation_that_was_always_there_is_no_event():
@@ -114,9 +114,9 @@ def test_an_oscillation_that_begins_soon_belongs_to_the_loop(period):
     pv = 50 + wave + np.random.default_rng(0).normal(0, 0.05, len(k))
     detector = Detector([Loop(name="L")])
     found = detector.run(Samples.of(0, times(len(k)), 50.0, pv, 100 - pv))
-    assert all(STATES[e["state"]] == "timeout" for e in loads_of(found))
+    assert all(e.state == "timeout" for e in loads_of(found))
     assert len(loads_of(found)) <= 2
-    assert all(e["end"] < START + 20_000 * SECOND for e in loads_of(found))
+    assert all(e.end < START + 20_000 * SECOND for e in loads_of(found))
     assert detector.state[0]["slot"] == -1
 
 
@@ -154,9 +154,9 @@ def test_a_set_point_step_interrupts_a_load():
     samples = simulated(3000.0, noise=0.05, load=Steps((1500.3,), (8.0,)), setpoint=Steps((1530.0,), (4.0,)))
     _, found = detected(samples)
     (load,), (step,) = loads_of(found), events_of(found)
-    assert (STATES[load["state"]], load["cause"]) == ("interrupted", BY_STEP)
-    assert load["end"] == step["onset"] == START + 1530 * SECOND
-    assert step["quiet"] == 0.0
+    assert (load.state, load.cause) == ("interrupted", CAUSES[BY_STEP])
+    assert load.end == step.onset == START + 1530 * SECOND
+    assert not step.quiet
 
 
 def test_a_load_during_a_set_point_step_belongs_to_it():
@@ -181,9 +181,9 @@ def test_noise_that_was_learnt_from_a_transient_is_learnt_anew():
     quiet = replace(TUNED, ti=TUNED.ti * 2)
     samples = simulated(5000.0, controller=quiet, noise=0.05, setpoint=start, load=Steps((4000.3,), (3.0,)))
     _, found = detected(samples.take(slice(6, None)))
-    assert [e["amplitude"] for e in events_of(found)] == pytest.approx([4.0])
+    assert [e.amplitude for e in events_of(found)] == pytest.approx([4.0])
     (load,) = loads_of(found)
-    assert 0 < (load["onset"] - START) / SECOND - 4000.3 < 30
+    assert 0 < (load.onset - START) / SECOND - 4000.3 < 30
 
 
 @pytest.mark.parametrize("round_off", [0.0, 1e-12])
@@ -193,4 +193,4 @@ def test_a_load_step_on_a_loop_without_noise(round_off):
     pv = 50 + 0.5 * (late / 40) ** 3 * np.exp(-late / 40)
     pv += round_off * np.random.default_rng(1).normal(size=900)
     (event,) = loads_of(detected(Samples.of(0, times(900), 50.0, pv, 100 - pv))[1])
-    assert event["amplitude"] > 0.6
+    assert event.amplitude > 0.6

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector
-from monitor.detect.state import BY_END, BY_GAP, BY_MODE, BY_STEP, OPENED, RING, STATES, STEP_REST
+from monitor.detect.event import BY_END, BY_GAP, BY_MODE, BY_STEP, CAUSES
+from monitor.detect.state import RING, STEP_REST
 from tests.support.detection import (
     detected,
     events_of,
     loads_of,
+    openings_of,
     slots_are_whole,
     stepped,
     steps_of,
@@ -38,16 +40,15 @@ def climbing(n: int, first: int, every: int, treads: int, height: float) -> NDAr
 def test_a_step_opens_and_closes_one_event():
     """One opening, one closing, of the step's size, at the sample that shows it, with what came before."""
     _, found = detected(stepped())
-    (opened,), (closed,) = events_of(found, OPENED), events_of(found)
+    (opened,), (closed,) = openings_of(found), events_of(found)
     for event in (opened, closed):
-        assert event["amplitude"] == pytest.approx(4.0)
-        assert event["onset"] == START + 200 * SECOND
-        assert event["number"] == 1
-    assert STATES[closed["state"]] == "settled"
-    assert closed["quiet"] == 1.0
-    window = found[-1][1]
-    assert window[closed["before"], 0] == 0.0
-    assert closed["before"] == RING
+        assert event.amplitude == pytest.approx(4.0)
+        assert event.onset == START + 200 * SECOND
+        assert event.number == 1
+    assert closed.state == "settled"
+    assert closed.quiet
+    assert closed.window.time[RING] == 0.0
+    assert closed.window.before == RING
 
 
 def test_a_set_point_smeared_over_three_samples_is_one_step():
@@ -56,8 +57,8 @@ def test_a_set_point_smeared_over_three_samples_is_one_step():
     sp[200:] = 54.0
     sp[200], sp[201] = 51.1, 52.9
     (closed,) = closed_by(sp)
-    assert closed["amplitude"] == pytest.approx(4.0)
-    assert closed["onset"] == START + 200 * SECOND
+    assert closed.amplitude == pytest.approx(4.0)
+    assert closed.onset == START + 200 * SECOND
 
 
 @pytest.mark.parametrize("moves", [8, 100, 500])
@@ -105,19 +106,19 @@ def test_a_controller_that_writes_once_a_minute_is_found_out():
 def test_a_staircase_of_held_steps_is_one_event_a_step():
     """Each tread that is held long enough cuts the event before it short and opens its own."""
     closed = closed_by(climbing(1200, 200, 30, 3, 2.0))
-    assert [STATES[e["state"]] for e in closed] == ["interrupted", "interrupted", "settled"]
-    assert [int(e["cause"]) for e in closed[:2]] == [BY_STEP, BY_STEP]
-    assert [e["amplitude"] for e in closed] == pytest.approx([2.0, 2.0, 2.0])
-    assert [e["quiet"] for e in closed] == [1.0, 0.0, 0.0]
+    assert [e.state for e in closed] == ["interrupted", "interrupted", "settled"]
+    assert [e.cause for e in closed[:2]] == [CAUSES[BY_STEP]] * 2
+    assert [e.amplitude for e in closed] == pytest.approx([2.0, 2.0, 2.0])
+    assert [e.quiet for e in closed] == [True, False, False]
 
 
 @pytest.mark.parametrize("every", [1, 3, 5])
 def test_some_clicks_in_a_row_are_one_step(every):
     """An operator who clicks four times within a quarter of a minute makes one step of their sum."""
     (closed,) = closed_by(climbing(900, 300, every, 4, 1.0), noise=0.02)
-    assert closed["amplitude"] == pytest.approx(4.0)
-    assert closed["onset"] == START + 300 * SECOND
-    assert STATES[closed["state"]] == "settled"
+    assert closed.amplitude == pytest.approx(4.0)
+    assert closed.onset == START + 300 * SECOND
+    assert closed.state == "settled"
 
 
 @pytest.mark.parametrize("every", [4, 15, 40])
@@ -131,8 +132,8 @@ def test_there_and_back_before_the_loop_settles_is_two_steps():
     sp = np.full(1500, 50.0)
     sp[300:350] += 4.0
     closed = closed_by(sp, noise=0.02)
-    assert [STATES[e["state"]] for e in closed] == ["interrupted", "settled"]
-    assert [e["amplitude"] for e in closed] == pytest.approx([4.0, -4.0])
+    assert [e.state for e in closed] == ["interrupted", "settled"]
+    assert [e.amplitude for e in closed] == pytest.approx([4.0, -4.0])
 
 
 @pytest.mark.parametrize("jitter", ["of single precision", "of an analog signal"])
@@ -147,16 +148,16 @@ def test_a_set_point_that_jitters_is_at_rest(jitter):
     )
     _, found = detected(Samples.of(0, times(1500), shaken, pv, op))
     (closed,) = events_of(found)
-    assert closed["onset"] == START + 700 * SECOND
-    assert closed["amplitude"] == pytest.approx(4.0, abs=0.05)
-    assert STATES[closed["state"]] == "settled"
+    assert closed.onset == START + 700 * SECOND
+    assert closed.amplitude == pytest.approx(4.0, abs=0.05)
+    assert closed.state == "settled"
 
 
 def test_a_step_soon_after_a_ramp_is_found():
     """A loop that was ramped for ten minutes and has settled is looked at again."""
     n = np.arange(2500)
     sp = 50.0 + np.clip(n - 300, 0, 600) * 0.01 + 4.0 * (n >= 1500)
-    assert [e["onset"] for e in closed_by(sp, noise=0.02)] == [START + 1500 * SECOND]
+    assert [e.onset for e in closed_by(sp, noise=0.02)] == [START + 1500 * SECOND]
 
 
 @pytest.mark.parametrize("rate", [0.0001, 0.001, 0.01, 0.1])
@@ -217,7 +218,7 @@ def test_constant_signals_are_no_trouble():
     sp[100:] = 11.0
     with np.errstate(all="raise"):
         detector, found = detected(Samples.of(0, times(n), sp, 10.0, 5.0))
-    assert [e["amplitude"] for e in events_of(found)] == [1.0]
+    assert [e.amplitude for e in events_of(found)] == [1.0]
     for name in detector.state.dtype.names:
         assert np.isfinite(detector.state[name]).all(), name
 
@@ -227,9 +228,9 @@ def test_a_slow_process_is_waited_for():
     slow = stepped(3000, 200, kp=0.04, ti=2000.0, dead=150, noise=0.04)
     _, found = detected(slow)
     (closed,) = events_of(found)
-    after = (closed["end"] - closed["onset"]) / SECOND
+    after = (closed.end - closed.onset) / SECOND
     assert after > 600
-    assert abs(closed["offset"]) < 0.15 * closed["amplitude"]
+    assert abs(closed.offset) < 0.15 * closed.amplitude
 
 
 def test_an_event_of_a_loop_that_never_follows_ends():
@@ -239,9 +240,9 @@ def test_an_event_of_a_loop_that_never_follows_ends():
     sp[100:] = 11.0
     _, found = detected(Samples.of(0, times(n), sp, 10.0, 5.0))
     (closed,) = events_of(found)
-    assert STATES[closed["state"]] == "settled"
-    assert closed["offset"] == pytest.approx(1.0)
-    assert closed["end"] < START + 1000 * SECOND
+    assert closed.state == "settled"
+    assert closed.offset == pytest.approx(1.0)
+    assert closed.end < START + 1000 * SECOND
 
 
 def test_a_loop_that_does_not_settle_is_given_up():
@@ -253,8 +254,8 @@ def test_a_loop_that_does_not_settle_is_given_up():
     pv = np.where(k < 503, 50.0, 54.0 + 3 * np.sin(k / 20.0))
     _, found = detected(Samples.of(0, times(n), sp, pv, 50.0 + 0.2 * (sp - pv)))
     (closed,) = events_of(found)
-    assert STATES[closed["state"]] == "timeout"
-    assert 19 < (closed["end"] - closed["onset"]) / SECOND / (40 * np.pi) < 22
+    assert closed.state == "timeout"
+    assert 19 < (closed.end - closed.onset) / SECOND / (40 * np.pi) < 22
 
 
 def test_a_step_during_an_event_interrupts_it_and_opens_the_next():
@@ -265,9 +266,9 @@ def test_a_step_during_an_event_interrupts_it_and_opens_the_next():
     pv, op = pi_loop(sp)
     _, found = detected(replace(samples, sp=sp, pv=pv, op=op))
     first, second = events_of(found)
-    assert (STATES[first["state"]], first["cause"]) == ("interrupted", BY_STEP)
-    assert first["end"] == second["onset"] == START + 230 * SECOND
-    assert second["amplitude"] == pytest.approx(3.0)
+    assert (first.state, first.cause) == ("interrupted", CAUSES[BY_STEP])
+    assert first.end == second.onset == START + 230 * SECOND
+    assert second.amplitude == pytest.approx(3.0)
 
 
 def test_a_gap_interrupts_an_event_and_nothing_is_integrated_across():
@@ -277,9 +278,9 @@ def test_a_gap_interrupts_an_event_and_nothing_is_integrated_across():
     shifted[260:] += 3600 * SECOND
     detector, found = detected(replace(samples, time=shifted))
     (closed,) = events_of(found)
-    assert (STATES[closed["state"]], closed["cause"]) == ("interrupted", BY_GAP)
-    assert closed["end"] == START + 259 * SECOND
-    assert closed["iae"] < 4.0 * 60
+    assert (closed.state, closed.cause) == ("interrupted", CAUSES[BY_GAP])
+    assert closed.end == START + 259 * SECOND
+    assert closed.iae < 4.0 * 60
     health = detector.health[0]
     assert health["wall_time"] == pytest.approx(699 + 3600)
     assert health["good_time"] < 700
@@ -294,7 +295,7 @@ def test_manual_interrupts_an_event_and_counts():
     auto[260:500] = False
     detector, found = detected(replace(samples, sp=sp, auto=auto))
     (closed,) = events_of(found)
-    assert (STATES[closed["state"]], closed["cause"]) == ("interrupted", BY_MODE)
+    assert (closed.state, closed.cause) == ("interrupted", CAUSES[BY_MODE])
     assert detector.health[0]["manual_time"] == pytest.approx(240.0, abs=1.5)
 
 
@@ -314,6 +315,6 @@ def test_the_end_of_the_data_interrupts_an_event():
     detector = Detector([Loop(name="L")])
     detector.run(stepped().take(slice(0, 240)))
     (closed,) = events_of(detector.flush())
-    assert (STATES[closed["state"]], closed["cause"]) == ("interrupted", BY_END)
+    assert (closed.state, closed.cause) == ("interrupted", CAUSES[BY_END])
     assert detector.flush() == []
     slots_are_whole(detector)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from monitor.contract.loops import Loop
 from monitor.detect.detector import Detector
-from monitor.detect.state import CLOSED
+from monitor.detect.event import ClosedEvent, EventWindow
 from monitor.identify.direct import fit_kinds, fit_window, model_response
 from monitor.identify.fit import Fit, combine, contradictory, decide
 from monitor.identify.integrals import setpoint_integrals
@@ -26,7 +26,7 @@ from sim_plants.plants import Plant
 from sim_plants.settings import simc
 from sim_plants.specs import LoopSpec, Steps
 from tests.support.fits import make_fit
-from tests.support.plants import Array, pi_loop, samples_of
+from tests.support.plants import pi_loop, samples_of
 from tests.support.twins import response
 from tuners.models import INTEGRATING, SELF_REGULATING
 
@@ -35,7 +35,7 @@ BEFORE = 60
 
 def window_of(
     plant: Plant, controller: Controller, seconds: float, noise: float = 0.0, seed: int = 0
-) -> Array:
+) -> EventWindow:
     """Window of a set-point step of 1 after 60 samples of rest, 1 s a sample."""
     spec = LoopSpec(
         name="L",
@@ -47,7 +47,13 @@ def window_of(
     )
     block = Simulation([spec]).advance(BEFORE + seconds)
     t = (block.time_ns - block.time_ns[0]) * 1e-9 - BEFORE
-    return np.column_stack([t, block.sp, block.pv, block.op])
+    return EventWindow(t, block.sp, block.pv, block.op, BEFORE)
+
+
+def without_point(window: EventWindow, k: int) -> EventWindow:
+    """The window, one sample after the onset lost."""
+    columns = (np.delete(column, k) for column in (window.time, window.sp, window.pv, window.op))
+    return EventWindow(*columns, window.before)
 
 
 def random_plant(rng: np.random.Generator, process: str = INTEGRATING) -> Plant:
@@ -154,7 +160,7 @@ def test_fit_is_exact_without_noise(seed):
     controller = replace(
         base, kp=base.kp * float(rng.uniform(0.3, 1.0)), ti=base.ti * float(rng.uniform(0.7, 3.0))
     )
-    fit = fit_window(window_of(plant, controller, 500.0), BEFORE, INTEGRATING)
+    fit = fit_window(window_of(plant, controller, 500.0), INTEGRATING)
     assert fit is not None
     assert fit.gain == pytest.approx(plant.gain, rel=1e-3)
     near = max(0.01 * plant.t0, 0.1)
@@ -168,7 +174,7 @@ def test_fit_of_a_self_regulating_plant_is_exact_without_noise(seed):
     """The same for first order plus dead time."""
     rng = np.random.default_rng(100 + seed)
     plant = random_plant(rng, SELF_REGULATING)
-    fit = fit_window(window_of(plant, simc(plant, 1.0), 500.0), BEFORE, SELF_REGULATING)
+    fit = fit_window(window_of(plant, simc(plant, 1.0), 500.0), SELF_REGULATING)
     assert fit is not None
     assert fit.gain == pytest.approx(plant.gain, rel=5e-3)
     assert fit.t0 == pytest.approx(plant.t0, rel=0.02)
@@ -184,7 +190,7 @@ def noisy() -> list[tuple[Plant, Fit]]:
         base = simc(plant, 1.0)
         controller = replace(base, kp=base.kp * float(rng.uniform(0.3, 1.0)))
         seconds = 60 * plant.t0
-        fit = fit_window(window_of(plant, controller, seconds, 0.01, seed), BEFORE, INTEGRATING)
+        fit = fit_window(window_of(plant, controller, seconds, 0.01, seed), INTEGRATING)
         assert fit is not None
         found.append((plant, fit))
     return found
@@ -225,7 +231,7 @@ def test_kind_of_process_is_right_or_left_open(process):
         plant = random_plant(rng, process)
         seconds = 40 * plant.t0
         window = window_of(plant, simc(plant, 1.0), seconds, 0.005, seed)
-        fits = [fit_window(window, BEFORE, kind) for kind in (INTEGRATING, SELF_REGULATING)]
+        fits = [fit_window(window, kind) for kind in (INTEGRATING, SELF_REGULATING)]
         best, sure = decide([f for f in fits if f is not None], seconds)
         assert best is not None
         if sure:
@@ -238,21 +244,21 @@ def test_a_short_window_is_left_undecided_or_integrating():
     """A lag of 600 s seen for 60 s is an integrator to the eye, or nothing can be said."""
     plant = Plant("self-regulating", 3.0, 4.0, (600.0,))
     window = window_of(plant, Controller(10.0, 60.0), 60.0, 0.005)
-    fits = [fit_window(window, BEFORE, kind) for kind in (INTEGRATING, SELF_REGULATING)]
+    fits = [fit_window(window, kind) for kind in (INTEGRATING, SELF_REGULATING)]
     best, sure = decide([f for f in fits if f is not None], 60.0)
     assert best is not None
     assert not (sure and best.process == SELF_REGULATING)
 
 
-def load_event(plant: Plant, controller: Controller, noise: float, seed: int) -> tuple[int, Array] | None:
-    """Points before it was noticed, and window, of a load step of 5 between samples; None where it is not noticed."""
+def load_event(plant: Plant, controller: Controller, noise: float, seed: int) -> EventWindow | None:
+    """Window of a load step of 5 between samples; None where it is not noticed."""
     spec = LoopSpec(
         name="L", plant=plant, controller=controller, load=Steps((150.4,), (5.0,)), noise=noise, seed=seed
     )
     detector = Detector([Loop(name="L")])
     found = detector.run(samples_of(Simulation([spec]).advance(150 + 40 * plant.t0))) + detector.flush()
-    events = [(int(e["before"]), w) for e, w in found if e["what"] == CLOSED]
-    return events[0] if events else None
+    windows = [e.window for e in found if isinstance(e, ClosedEvent)]
+    return windows[0] if windows else None
 
 
 def with_second_lag(seed: int) -> tuple[Plant, Controller]:
@@ -273,7 +279,7 @@ def after_loads() -> list[tuple[Plant, list[Fit]]]:
         plant, controller = with_second_lag(seed)
         event = load_event(plant, controller, 0.02, seed)
         if event is not None:
-            found.append((plant, fit_kinds(event[1], event[0], [INTEGRATING, SELF_REGULATING], True, 1.0)))
+            found.append((plant, fit_kinds(event, [INTEGRATING, SELF_REGULATING], True, 1.0)))
     assert len(found) >= 35
     return found
 
@@ -311,7 +317,7 @@ def test_the_kind_is_seen_after_a_load_step(after_loads):
         plant = random_plant(np.random.default_rng(seed))
         event = load_event(plant, simc(plant, 1.0), 0.1 * abs(plant.gain), seed)
         if event is not None:
-            best, sure = decide(fit_kinds(event[1], event[0], [INTEGRATING, SELF_REGULATING], True, 1.0), 1e9)
+            best, sure = decide(fit_kinds(event, [INTEGRATING, SELF_REGULATING], True, 1.0), 1e9)
             assert best is not None
             assert not (sure and best.process == SELF_REGULATING)
 
@@ -333,7 +339,7 @@ def test_a_lag_shorter_than_a_block_is_found():
     """Of a long window, in which two or three points make a block: the lag is not taken for dead time."""
     plant = Plant("integrating", 0.01, 9.0, (2.5,))
     window = window_of(plant, replace(simc(plant, 1.0), kp=simc(plant, 1.0).kp / 3), 900.0)
-    fit = fit_window(window, BEFORE, INTEGRATING)
+    fit = fit_window(window, INTEGRATING)
     assert fit is not None
     assert fit.lag == pytest.approx(2.5, abs=0.1)
     assert fit.dead_time == pytest.approx(9.0, abs=0.1)
@@ -344,8 +350,8 @@ def test_a_lost_sample_widens_the_intervals():
     plant = Plant("integrating", 0.05, 4.0, (3.0,))
     controller = replace(simc(plant, 1.0), kp=0.5 * simc(plant, 1.0).kp, td=6.0, tf=0.6)
     window = window_of(plant, controller, 300.0, 0.002)
-    whole = fit_window(window, BEFORE, INTEGRATING)
-    fits = [fit_window(np.delete(window, BEFORE + k, axis=0), BEFORE, INTEGRATING) for k in (1, 2, 150)]
+    whole = fit_window(window, INTEGRATING)
+    fits = [fit_window(without_point(window, BEFORE + k), INTEGRATING) for k in (1, 2, 150)]
     assert whole is not None
     for fit in fits:
         assert fit is not None
@@ -371,19 +377,17 @@ def test_a_lost_sample_widens_the_intervals():
 )
 def test_nothing_moved_is_no_model(process, window):
     """None instead of a figure where OP or PV did not move, or there is too little."""
-    assert fit_window(window, 20, process) is None
+    assert fit_window(EventWindow(*window.T, 20), process) is None
 
 
 def test_a_positive_offset_and_slope_do_not_matter():
     """A level that is not 0 and a load that OP had not balanced leave the model alone."""
     plant = Plant("integrating", 0.05, 4.0, (3.0,))
     window = window_of(plant, simc(plant, 1.0), 300.0)
-    plain = fit_window(window, BEFORE, INTEGRATING)
-    other = window.copy()
-    other[:, 1:3] += 500.0
-    other[:, 3] += 33.0
-    other[:, 2] += 1e-3 * other[:, 0]
-    moved = fit_window(other, BEFORE, INTEGRATING)
+    plain = fit_window(window, INTEGRATING)
+    drifting = window.pv + 500.0 + 1e-3 * window.time
+    other = replace(window, sp=window.sp + 500.0, pv=drifting, op=window.op + 33.0)
+    moved = fit_window(other, INTEGRATING)
     assert plain is not None
     assert moved is not None
     for name in ("gain", "lag", "dead_time"):
@@ -396,8 +400,9 @@ def test_fit_scales_with_its_units(a, c, seed):
     """PV times a, OP times c: gain times a/c, times and quality unchanged."""
     plant = random_plant(np.random.default_rng(seed))
     window = window_of(plant, simc(plant, 1.0), 300.0, 0.01, seed)
-    plain = fit_window(window, BEFORE, INTEGRATING)
-    other = fit_window(window * np.array([1.0, a, a, c]), BEFORE, INTEGRATING)
+    plain = fit_window(window, INTEGRATING)
+    scaled = replace(window, sp=a * window.sp, pv=a * window.pv, op=c * window.op)
+    other = fit_window(scaled, INTEGRATING)
     assert plain is not None
     assert other is not None
     assert other.gain == pytest.approx(plain.gain * a / c, rel=1e-5)
@@ -410,9 +415,9 @@ def test_model_response_follows_pv():
     """Offset and slope fitted, the model's PV lies within the noise of the measured one."""
     plant = Plant("integrating", 0.05, 4.0, (3.0,))
     window = window_of(plant, simc(plant, 1.0), 300.0, 0.01)
-    fit = fit_window(window, BEFORE, INTEGRATING)
+    fit = fit_window(window, INTEGRATING)
     assert fit is not None
-    rest = window[:, 2] - model_response(window, BEFORE, fit)
+    rest = window.pv - model_response(window, fit)
     assert np.std(rest) == pytest.approx(0.01, rel=0.2)
     assert abs(np.mean(rest)) < 1e-9
 
@@ -422,7 +427,7 @@ def test_more_noise_widens_the_intervals():
     plant = Plant("integrating", 0.05, 4.0, (3.0,))
     scatter = []
     for noise in (0.01, 0.03):
-        fit = fit_window(window_of(plant, simc(plant, 1.0), 300.0, noise, 5), BEFORE, INTEGRATING)
+        fit = fit_window(window_of(plant, simc(plant, 1.0), 300.0, noise, 5), INTEGRATING)
         assert fit is not None
         scatter.append(math.sqrt(fit.scatter[0, 0]))
     assert scatter[1] == pytest.approx(3 * scatter[0], rel=0.5)
@@ -550,9 +555,9 @@ def test_a_loop_that_is_thinned_is_still_identified():
     )
     detector = Detector([Loop(name="L")])
     found = detector.run(samples_of(Simulation([spec]).advance(6000.0))) + detector.flush()
-    event, window = next((e, w) for e, w in found if e["what"] == CLOSED)
-    assert np.median(np.diff(window[:, 0])) >= 2.0
-    fit = fit_window(window, int(event["before"]), INTEGRATING)
+    window = next(e.window for e in found if isinstance(e, ClosedEvent))
+    assert np.median(np.diff(window.time)) >= 2.0
+    fit = fit_window(window, INTEGRATING)
     assert fit is not None
     assert fit.gain == pytest.approx(plant.gain, rel=0.03)
     assert fit.t0 == pytest.approx(plant.t0, rel=0.1)
@@ -563,8 +568,8 @@ def test_noise_free_pi_of_the_twin():
     sp = np.full(500, 50.0)
     sp[BEFORE:] += 4.0
     pv, op = pi_loop(sp)
-    window = np.column_stack([np.arange(500.0) - BEFORE, sp, pv, op])
-    fit = fit_window(window, BEFORE, INTEGRATING)
+    window = EventWindow(np.arange(500.0) - BEFORE, sp, pv, op, BEFORE)
+    fit = fit_window(window, INTEGRATING)
     assert fit is not None
     assert fit.gain == pytest.approx(0.05, rel=1e-3)
     assert fit.t0 == pytest.approx(4.0, abs=0.1)

@@ -1,0 +1,124 @@
+"""What detection hands out: a set-point step that has opened, and an event that has closed, with its window."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from monitor.contract.samples import Array
+
+SETPOINT_STEP, LOAD_STEP = 0, 1
+"""Kinds of event; a load step is suspected until a model has explained it."""
+SETTLED, INTERRUPTED, TIMED_OUT = "settled", "interrupted", "timeout"
+STATES = ("", SETTLED, INTERRUPTED, TIMED_OUT)
+"""How an event ended, by the kernel's numbers."""
+CAUSES = (
+    "",
+    "the set point moved again",
+    "a gap in the data",
+    "a change to manual",
+    "the end of the data",
+    "a change of settings",
+)
+"""What cut an event short, in words, by the kernel's numbers."""
+BY_STEP, BY_GAP, BY_MODE, BY_END, BY_SETTINGS = range(1, 6)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EventWindow:
+    """An event's points in the order of time: every sample, or every second, fourth ... of a long event."""
+
+    time: Array
+    """(n,) from the onset; negative before it [s]."""
+    sp: Array
+    """(n,) set point [PV]."""
+    pv: Array
+    """(n,) [PV]."""
+    op: Array
+    """(n,) OP, held until the next point [OP]."""
+    before: int
+    """Points from before the onset (of a load step: from before it was noticed)."""
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """A set point has stepped, and rests at its new level."""
+
+    row: int
+    """The loop's row of the table."""
+    number: int
+    """Which of the loop's events it is, from 1."""
+    onset: int
+    """The first sample of the new set point [ns since 1970]."""
+    amplitude: float
+    """Size of the step [PV]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClosedEvent:
+    """An event from its onset to its end, with all that is known of it without a model."""
+
+    row: int
+    """The loop's row of the table."""
+    number: int
+    """Which of the loop's events it is, from 1."""
+    kind: int
+    """`SETPOINT_STEP` or `LOAD_STEP`."""
+    state: str
+    """How it ended: one of `STATES`."""
+    cause: str
+    """What cut it short, in words: one of `CAUSES`."""
+    onset: int
+    """Where the set point stepped; of a load step: where it was noticed [ns since 1970]."""
+    end: int
+    """[ns since 1970]"""
+    duration: float
+    """From onset to end [s]."""
+    amplitude: float
+    """Size of the set-point step, or the largest excursion of the error's short average after a load step [PV]."""
+    offset: float
+    """Mean of the error where it came to rest [PV]."""
+    quiet: bool
+    """Whether the loop was at rest before the onset, so that the integrals begin where they should."""
+    period: float
+    """Of the samples [s]."""
+    good_time: float
+    """Time that good samples cover [s]."""
+    saturated_time: float
+    """Time that OP spent at a limit [s]."""
+    uncertain_share: float
+    """Share of the samples whose quality is uncertain."""
+    error_sd: float
+    """Standard deviation of the error when quiet [PV]."""
+    short_sd: float
+    """Standard deviation of the error's short average when quiet, as known at the end [PV]."""
+    noise: float
+    """Standard deviation of PV's white noise [PV]."""
+    quantum: float
+    """Least change of PV that was seen [PV]."""
+    pv0: float
+    """PV at rest before the onset [PV]."""
+    op0: float
+    """OP at rest before the onset [OP]."""
+    iae: float
+    """Integrated absolute error [PV s]."""
+    iae_noise: float
+    """The noise's share of it [PV s]."""
+    s1: float
+    """Integral of OP from its rest [OP s]."""
+    s2: float
+    """Integral of `s1` [OP s^2]."""
+    s3: float
+    """Integral of `s2` [OP s^3]."""
+    y1: float
+    """Integral of PV from its rest [PV s]."""
+    y2: float
+    """Integral of `y1` [PV s^2]."""
+    window: EventWindow
+    health: np.void
+    """The loop's health record (dtype `HEALTH`) at the event's end, so that what is concluded does not depend on how
+    the samples were batched."""

@@ -14,26 +14,15 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from monitor.contract.loops import OBJECTIVES, Loop, LoopTable
-from monitor.contract.records import (
-    GOOD,
-    INCONCLUSIVE,
-    NOT_ASSESSED,
-    RETUNE,
-    LoopRow,
-    Record,
-    Suggestion,
-    Window,
-)
+from monitor.contract.records import GOOD, NOT_ASSESSED, RETUNE, LoopRow, Record, Window
 from monitor.contract.samples import Samples
-from monitor.engine import Engine, worst_first
-from monitor.verdict.history import MOST_FINDINGS
+from monitor.engine import Engine
 from sim_plants.fleet import random_fleet
 from sim_plants.loops import Simulation
 from sim_plants.margins import margin
-from sim_plants.scenarios import demo
-from sim_plants.specs import LoopSpec
-from tests.support.plants import START, pi_loop, samples_of, table_of, times
-from tests.support.runs import Seen, run, watch
+from tests.support.plants import samples_of, table_of, times
+from tests.support.runs import run
+from tests.support.steps import stepped
 
 
 def plain(records: list[Record]) -> list[Any]:
@@ -51,25 +40,6 @@ def plain(records: list[Record]) -> list[Any]:
 
 def of_loop(records: list[Record], name: str) -> list[Any]:
     return plain([r for r in records if (getattr(r, "row", None) or r).loop == name])
-
-
-def stepped(n: int = 900, at: int = 200, size: float = 4.0, **facts: Any) -> Samples:
-    sp = np.full(n, 50.0)
-    sp[at:] += size
-    pv, op = pi_loop(sp, **facts)
-    return Samples.of(0, times(n), sp, pv, op)
-
-
-# ---------------------------------------------------------------------------------------------------
-# the demo, of which the truth is known
-
-
-@pytest.fixture(scope="module")
-def watched() -> tuple[list[LoopSpec], Engine, Seen]:
-    """An hour of the demo's loops."""
-    specs = demo(0)
-    engine, seen = watch(specs, 3600.0)
-    return specs, engine, seen
 
 
 FLAGGED = {"sluggish", "rolling", "aggressive"}
@@ -144,17 +114,6 @@ def test_evidence_is_named(watched):
     for suggestion in seen.suggestions:
         assert suggestion.evidence
         assert {ids[i] for i in suggestion.evidence} == {suggestion.row.loop}
-
-
-def test_rows_come_worst_first(watched):
-    """`retune` first, then `inconclusive`, `good`, `not_assessed`; each loop once."""
-    specs, engine, _ = watched
-    rows = engine.rows()
-    assert sorted(r.loop for r in rows) == sorted(s.name for s in specs)
-    order = [RETUNE, INCONCLUSIVE, GOOD, NOT_ASSESSED]
-    places = [order.index(r.verdict) for r in rows]
-    assert places == sorted(places)
-    assert [worst_first(r) for r in rows] == sorted(worst_first(r) for r in rows)
 
 
 def test_records_carry_no_nan(watched):
@@ -266,115 +225,6 @@ def test_noise_alone_makes_no_record(colour):
     assert {r.verdict for r in engine.rows()} == {NOT_ASSESSED}
 
 
-# ---------------------------------------------------------------------------------------------------
-# several events, new settings, forms
-
-
-def treads(sizes: list[float], apart: int = 500, **facts: Any) -> Samples:
-    """Set-point steps one after the other, each with time to settle."""
-    sp = np.full(apart * (len(sizes) + 1), 50.0)
-    for k, size in enumerate(sizes):
-        sp[apart * (k + 1) :] += size
-    pv, op = pi_loop(sp, **facts)
-    return Samples.of(0, times(len(sp)), sp, pv, op)
-
-
-def test_several_events_are_one_sharper_model():
-    """Three agreeing events: all count, the gain's interval is no wider than the first's."""
-    engine, seen = run(Loop(name="L", kp=2.0, ti=40.0), treads([4.0, -4.0, 4.0], noise=0.05))
-    row, first = engine.row(0), seen.assessments[0]
-    assert row.events == len(seen.assessments) == 3
-    assert row.gain_lo is not None
-    assert row.gain_hi is not None
-    assert first.gain_lo is not None
-    assert first.gain_hi is not None
-    assert row.gain_hi / row.gain_lo <= 1.01 * first.gain_hi / first.gain_lo
-    assert row.gain_lo < 0.05 < row.gain_hi
-
-
-def test_contradicting_events_are_no_evidence():
-    """A plant whose gain has doubled between two events: said, and nothing suggested."""
-    one = treads([4.0], apart=900, kp=0.5, ti=150.0, noise=0.02)
-    two = treads([4.0], apart=900, kp=0.5, ti=150.0, noise=0.02, gain=0.1)
-    samples = Samples.of(
-        0,
-        np.concatenate([one.time, two.time + (one.time[-1] - START) + 1_000_000_000]),
-        np.concatenate([one.sp, two.sp]),
-        np.concatenate([one.pv, two.pv]),
-        np.concatenate([one.op, two.op]),
-        auto=np.concatenate([np.arange(len(one)) < len(one) - 5, np.ones(len(two), bool)]),
-    )
-    engine, seen = run(Loop(name="L", kp=0.5, ti=150.0, process="integrating"), samples)
-    assert [a.verdict for a in seen.assessments] == [RETUNE, RETUNE]
-    row = engine.row(0)
-    assert row.verdict == INCONCLUSIVE
-    assert "contradict" in row.reason
-    assert row.new_kp is None
-
-
-def test_new_settings_begin_anew():
-    """After a re-tune the past indices and suggestions no longer speak for the loop; the next event does."""
-    engine = Engine(LoopTable([Loop(name="L", kp=0.4, ti=300.0)]))
-    engine.step(stepped(4000, kp=0.4, ti=300.0, noise=0.02))
-    engine.flush()
-    assert engine.verdict(0) == RETUNE
-    engine.retuned(0, Loop(name="other", kp=2.0, ti=40.0))
-    assert engine.verdict(0) != RETUNE
-    assert engine.row(0).new_kp is None
-    assert engine.loops[0].name == "L"
-    later = stepped(noise=0.02)
-    engine.step(replace(later, time=later.time + 10_000 * 1_000_000_000))
-    engine.flush()
-    assert engine.row(0).verdict == GOOD
-    assert engine.row(0).kp == 2.0
-
-
-def test_history_does_not_grow():
-    """However many events, so many findings are kept."""
-    engine, seen = run(Loop(name="L", kp=2.0, ti=40.0), treads([2.0, -2.0] * 15, apart=250, noise=0.02))
-    assert len(seen.assessments) == 30
-    assert engine.row(0).events == 30
-    assert len(engine._histories[0].findings) == MOST_FINDINGS
-
-
-@pytest.mark.parametrize(
-    ("form", "keys"),
-    [
-        ("standard", {"kp", "ti", "td", "tf"}),
-        ("series", {"kp", "ti", "td", "tf"}),
-        ("parallel", {"kp", "ki", "kd", "tf"}),
-    ],
-)
-def test_a_suggestion_is_in_the_loops_own_form(form, keys):
-    """Fields, stages and the action's words are those of the form; ki and kd only for parallel."""
-    engine, _ = run(Loop(name="L", kp=0.4, ti=300.0, form=form), stepped(4000, kp=0.4, ti=300.0, noise=0.02))
-    row = engine.row(0)
-    assert row.form == form
-    assert row.new_kp is not None
-    assert row.new_ti is not None
-    assert set(json.loads(row.new_fields or "")) == keys
-    assert all(set(stage) == keys for stage in json.loads(row.stages or ""))
-    assert (row.new_ki is not None) == (form == "parallel")
-    if row.new_ki is not None:
-        assert row.new_ki == pytest.approx(row.new_kp / row.new_ti)
-
-
-def test_a_vendor_block_shows_its_own_fields():
-    """With a block's id as form, the fields are those of its faceplate, and kp is in engineering units still."""
-    from tuners.blocks import BLOCKS  # noqa: PLC0415
-
-    block = next(k for k, b in BLOCKS.items() if b.form == "standard")
-    facts = {"pv_low": 0.0, "pv_high": 100.0, "op_low": 0.0, "op_high": 100.0}
-    loop = Loop(name="L", kp=0.4, ti=300.0, form=block, **facts)
-    assert loop.canonical_form == "standard"
-    engine, _ = run(loop, stepped(4000, kp=0.4, ti=300.0, noise=0.02))
-    row = engine.row(0)
-    assert row.form == block
-    assert json.loads(row.new_fields or "{}")
-    assert row.new_op_noise is not None
-    assert row.new_op_noise_abs == pytest.approx(row.new_op_noise)  # the span is 100
-
-
 def test_op_noise_is_that_of_the_loop():
     """Noise of PV times the new gain, for a PI."""
     engine, _ = run(Loop(name="L", kp=0.4, ti=300.0), stepped(4000, kp=0.4, ti=300.0, noise=0.05))
@@ -461,18 +311,3 @@ def test_a_loop_may_join_later():
     engine.flush()
     assert [r.events for r in (engine.row(0), engine.row(1))] == [1, 1]
     assert isinstance(engine.row(1), LoopRow)
-
-
-def test_events_that_contradict_take_the_suggestion_back():
-    """A loop that was to be retuned, then shows four times the gain: no suggestion is said with that verdict."""
-    loop = Loop(name="L", kp=0.05, ti=200.0, process="integrating")
-    engine = Engine(LoopTable([loop]))
-    first = stepped(2500, kp=0.05, ti=200.0, noise=0.005)
-    later = stepped(2500, kp=0.05, ti=200.0, gain=0.2, noise=0.005)
-    later = replace(later, time=later.time + 10**14)
-    said = engine.step(first) + engine.assess() + engine.flush()
-    assert any(isinstance(r, Suggestion) for r in said)
-    said = engine.step(later) + engine.flush()
-    assert engine.row(0).verdict == INCONCLUSIVE
-    assert "contradict" in engine.row(0).reason
-    assert not any(isinstance(r, Suggestion) for r in said)

@@ -8,17 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor.contract.evidence import Pane, merge
-from monitor.contract.times import nanoseconds
+from monitor.contract.evidence import Pane
 from monitor.view.feed import LOG_LINES, QUESTIONS, QUIET, Feed, Inbox
-from monitor.view.selection import Board
-from monitor.wire.arrow import decode_trend
 from tests.support.fake_monitor import Loop, arrow, assessment, demo_loops, row, trend_payload, window_payload
-
-
-@pytest.fixture
-def loop() -> Loop:
-    return demo_loops()[0]
 
 
 def test_inbox_forgets_the_oldest_and_counts() -> None:
@@ -28,41 +20,6 @@ def test_inbox_forgets_the_oldest_and_counts() -> None:
     assert [m.key for m in inbox.take()] == ["7", "8", "9"]
     assert inbox.dropped == 7
     assert inbox.take() == []
-
-
-def test_board_shows_the_worst_and_does_not_flicker() -> None:
-    """At most so many; a shown loop yields only to a clearly worse one, or when it is good again."""
-    board = Board(most=3)
-
-    def put(name: str, ci: float, verdict: str = "retune") -> bool:
-        board.put({"loop": name, "verdict": verdict, "ci_setpoint": ci}, f"plant/{name}")
-        return board.choose()
-
-    assert put("a", 0.5)
-    assert put("b", 0.4)
-    assert put("c", 0.3)
-    assert not put("d", 0.45)  # worse than a, but not by much
-    assert put("e", 0.1)
-    assert board.shown == ["e", "c", "b"]
-    assert put("e", 0.9, "good")
-    assert board.shown == ["c", "b", "d"]
-    assert board.counts() == {"retune": 4, "good": 1}
-    assert [r["loop"] for r in board.flagged()] == ["c", "b", "d", "a"]
-
-
-def test_merge_and_times() -> None:
-    """Parts of a trend are joined in the order of time; a time without zone is UTC."""
-    payloads = [arrow({"time": np.array(t), "sp": x, "pv": x, "op": x}, {"loop": "L"})
-                for t, x in (([30, 40], np.array([3.0, 4.0])), ([10, 20], np.array([1.0, 2.0])))]  # fmt: skip
-    joined = merge([decode_trend(p) for p in payloads])
-    assert joined.time.tolist() == [10, 20, 30, 40]
-    assert joined.pv.tolist() == [1.0, 2.0, 3.0, 4.0]
-    assert (
-        nanoseconds("1970-01-01T00:00:01.000001Z")
-        == nanoseconds("1970-01-01T00:00:01.000001")
-        == 1_000_001_000
-    )
-    assert nanoseconds("yesterday") is nanoseconds(7) is None
 
 
 class Listener:

@@ -7,40 +7,21 @@ import signal
 import subprocess
 import sys
 import time
-import urllib.error
 import urllib.request
-from collections.abc import Iterator
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import psutil
 import pytest
 
 from monitor.adapters.rerun_view import picture as rerun_picture
-from monitor.adapters.rerun_view import process as rerun_process
-from monitor.view.process import ViewProcess, run, start_view
-from monitor.wire.arrow import decode_window
-from tests import screenshot_view
-from tests.support.fake_monitor import FakeMonitor, Loop, assessment, demo_loops, window_payload
+from monitor.view.process import start_view
+from tests.monitor.view.tools import LINUX, command, needs_rerun
+from tests.support.fake_monitor import FakeMonitor, assessment, window_payload
 from tests.support.places import ROOT
 from tests.support.processes import children, gone
 from tests.support.recordings import read, texts
 from tests.support.waiting import PATIENCE, until
-
-LINUX = sys.platform.startswith("linux")
-
-
-@pytest.fixture
-def loop() -> Loop:
-    return demo_loops()[0]
-
-
-@pytest.fixture
-def fake() -> Iterator[FakeMonitor]:
-    monitor = FakeMonitor(rerun_process.free_ports(1)[0], demo_loops())
-    yield monitor
-    monitor.close()
 
 
 def test_late_view_gets_the_current_state(tmp_path: Path, fake: FakeMonitor) -> None:
@@ -133,9 +114,6 @@ def test_stalled_view_does_not_delay_a_publisher(tmp_path: Path, fake: FakeMonit
     assert not view.alive()
 
 
-needs_rerun = pytest.mark.skipif(not LINUX, reason="looks at processes in /proc")
-
-
 @needs_rerun
 def test_stop_leaves_no_process(fake: FakeMonitor) -> None:
     """The web page answers on loopback; after stop neither the view nor Rerun's server run."""
@@ -194,116 +172,3 @@ def test_view_ends_with_its_parent(fake: FakeMonitor) -> None:
     parent.wait()
     parent.stdout.close()
     until(lambda: gone(int(pid)) and all(gone(s) for s in servers))
-
-
-def command(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run the command by itself."""
-    line = [sys.executable, "-m", "monitor.view.process", *arguments]
-    return subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, check=False)
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        "",
-        "missing.rrd",
-        "pyproject.toml",
-        "pyproject.toml --event x",
-        "--event a/**",
-        "--connect nonsense",
-        "--connect tcp/127.0.0.1:1 --view none",
-        "--connect tcp/127.0.0.1:1 --save /nowhere/x.rrd",
-        "--view hologram",
-    ],
-)
-def test_wrong_use_is_one_line_and_exit_2(
-    arguments: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(ROOT)
-    assert run(arguments.split()) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-
-
-def test_no_monitor_is_one_line(tmp_path: Path) -> None:
-    port = rerun_process.free_ports(1)[0]
-    done = command("--connect", f"tcp/127.0.0.1:{port}", "--view", "none", "--save", str(tmp_path / "x.rrd"))
-    assert done.returncode == 1
-    assert done.stderr.count("\n") == 1
-    assert f"127.0.0.1:{port}" in done.stderr
-
-
-def test_help_is_light() -> None:
-    """``--help`` has an example and loads none of the heavy libraries."""
-    heavy = "rerun", "zenoh", "pyarrow", "numpy"
-    code = f"import sys, monitor.view; print([m for m in {heavy} if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
-    assert "Example: loopsight view" in command("--help").stdout
-
-
-@needs_rerun
-def test_recording_is_served(tmp_path: Path, loop: Loop) -> None:
-    """``loopsight view FILE.rrd`` opens on loopback and ends on SIGINT with exit 0."""
-    recording = rerun_picture.open_recording(None, tmp_path / "a.rrd")
-    rerun_picture.Picture(recording).window(decode_window(window_payload(loop)))
-    rerun_picture.close_recording(recording)
-    line = [sys.executable, "-m", "monitor.view.process", str(tmp_path / "a.rrd")]
-    process = subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, text=True)
-    view = ViewProcess(process)
-    try:
-        with urllib.request.urlopen(view.url, timeout=PATIENCE) as page:  # noqa: S310
-            assert page.status == 200
-    finally:
-        process.send_signal(signal.SIGINT)
-    assert process.wait(PATIENCE) == 0
-    view.stop()
-
-
-def test_telemetry_is_off() -> None:
-    """Rerun's program is told so, for this child alone; the browser may talk to this machine only."""
-    server = rerun_process.serve_web()
-    try:
-        with urllib.request.urlopen(server.url, timeout=PATIENCE) as page:  # noqa: S310
-            rules = page.headers["Content-Security-Policy"]
-        assert "default-src 'self'" in rules
-        sources = [word for rule in rules.split(";") for word in rule.split()[1:] if "//" in word]
-        assert sources == [server.proxy.removeprefix("rerun+").removesuffix("/proxy")]
-        posing = urllib.request.Request(server.url, headers={"Host": "evil.example"})  # noqa: S310
-        with pytest.raises(urllib.error.HTTPError, match="403") as refused:
-            urllib.request.urlopen(posing, timeout=PATIENCE)  # noqa: S310
-        refused.value.close()
-        facts = msgspec.json.decode((Path(server._settings.name) / "rerun" / "analytics.json").read_bytes())
-        assert facts["analytics_enabled"] is False
-    finally:
-        server.stop()
-
-
-def test_picture_is_drawn(tmp_path: Path, fake: FakeMonitor) -> None:
-    """Rerun's own viewer shows the curves: their colours are on the screen."""
-    if why := screenshot_view.missing():
-        pytest.skip(why)
-    from PIL import Image  # noqa: PLC0415 - comes with rerun
-
-    colours = (
-        rerun_picture.PV_COLOUR,
-        rerun_picture.OP_COLOUR,
-        rerun_picture.ONSET_COLOUR,
-        rerun_picture.MODEL_COLOUR,
-    )
-    png = tmp_path / "v.png"
-
-    def all_drawn() -> bool:
-        save(png)
-        with Image.open(png) as picture:
-            pixels = np.asarray(picture.convert("RGB"), dtype=int).reshape(-1, 3)
-        return all((np.abs(pixels - np.array(c)).max(axis=1) < 40).sum() > 30 for c in colours)
-
-    view = start_view(fake.endpoint, "web")
-    try:
-        assert view.url
-        with screenshot_view.headless(view.url, "900x600") as save:
-            until(all_drawn)
-    finally:
-        view.stop()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,18 +10,11 @@ import pytest
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector
-from monitor.detect.event import BY_STEP, CAUSES, ClosedEvent
-from sim_plants.loops import Simulation
-from sim_plants.plants import Plant
-from sim_plants.settings import robust_simc
-from sim_plants.specs import LoopSpec, Steps
-from tests.support.detection import (
-    detected,
-    events_of,
-    loads_of,
-    steps_of,
-)
-from tests.support.plants import SECOND, START, samples_of, times
+from monitor.detect.event import ClosedEvent
+from sim_plants.specs import Steps
+from tests.monitor.detect.tools import TUNED, simulated
+from tests.support.detection import detected, events_of, loads_of, steps_of
+from tests.support.plants import SECOND, START, times
 
 
 @pytest.mark.parametrize("colour", [0.0, 0.9, 0.99])
@@ -59,43 +51,6 @@ def test_windows_of_suspected_load_steps_run_forward_in_time(before):
         at = np.round(event.window.time + (event.onset - START) / SECOND).astype(int)
         assert np.all(np.diff(at) > 0)
         np.testing.assert_array_equal(event.window.pv, pv[at])
-
-
-LEVEL = Plant("integrating", 0.03, 4.0, (2.0,))
-TUNED = robust_simc(LEVEL, 1.0)
-
-
-def simulated(seconds: float, **facts: Any) -> Samples:
-    """A well tuned level."""
-    return samples_of(
-        Simulation([replace(LoopSpec("L", LEVEL, TUNED, 50.0, 50.0), **facts)]).advance(seconds)
-    )
-
-
-@pytest.mark.parametrize("size", [2.0, -8.0])
-@pytest.mark.parametrize("wander", [0.0, 0.02])
-def test_a_load_step_is_handed_out_once(size, wander):
-    """Against noise and a drifting load: one event, noticed soon after the step, from a quiet baseline."""
-    samples = simulated(3000.0, noise=0.05, wander=wander, seed=3, load=Steps((1500.3,), (size,)))
-    _, found = detected(samples)
-    (event,) = loads_of(found)
-    assert event.state == "settled"
-    assert 0 < (event.onset - START) / SECOND - 1500.3 < 20
-    assert event.quiet
-    assert steps_of(found) == []
-
-
-def test_a_slow_response_is_waited_for_until_it_has_returned():
-    """A sluggish loop's PV rises for ten minutes: that it hardly moves meanwhile is no end of the event."""
-    slow = replace(TUNED, kp=TUNED.kp / 8, ti=TUNED.ti * 12)
-    samples = simulated(9000.0, controller=slow, noise=0.05, seed=1, load=Steps((1500.0,), (2.0,)))
-    _, found = detected(samples)
-    (event,) = loads_of(found)
-    away = np.abs(samples.pv - 50.0)
-    assert event.state == "settled"
-    assert event.amplitude == pytest.approx(away.max(), rel=0.1)
-    assert event.end > samples.time[away.argmax()]
-    assert abs(event.offset) < 0.1 * event.amplitude
 
 
 def test_an_oscillation_that_was_always_there_is_no_event():
@@ -147,24 +102,6 @@ def test_months_of_drift_are_no_load():
     pv = 50 + drift + rng.normal(0, 0.1, n) * np.linspace(1.0, 3.0, n)
     _, found = detected(Samples.of(0, times(n), 50.0, pv, 100 - pv))
     assert found == []
-
-
-def test_a_set_point_step_interrupts_a_load():
-    """The load's event ends where the step begins, and the step has its own."""
-    samples = simulated(3000.0, noise=0.05, load=Steps((1500.3,), (8.0,)), setpoint=Steps((1530.0,), (4.0,)))
-    _, found = detected(samples)
-    (load,), (step,) = loads_of(found), events_of(found)
-    assert (load.state, load.cause) == ("interrupted", CAUSES[BY_STEP])
-    assert load.end == step.onset == START + 1530 * SECOND
-    assert not step.quiet
-
-
-def test_a_load_during_a_set_point_step_belongs_to_it():
-    """One event at a time: the step's goes on, and says what else happened by its fit."""
-    samples = simulated(3000.0, noise=0.05, load=Steps((1520.3,), (8.0,)), setpoint=Steps((1500.0,), (4.0,)))
-    _, found = detected(samples)
-    assert len(events_of(found)) == 1
-    assert loads_of(found) == []
 
 
 def test_the_end_of_a_ramp_is_no_load():

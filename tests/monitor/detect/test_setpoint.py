@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
-from monitor.detect.detector import Detector
-from monitor.detect.event import BY_END, BY_GAP, BY_MODE, BY_STEP, CAUSES
-from monitor.detect.state import RING, STEP_REST
-from tests.support.detection import (
-    detected,
-    events_of,
-    loads_of,
-    openings_of,
-    slots_are_whole,
-    stepped,
-    steps_of,
-)
+from monitor.detect.event import BY_STEP, CAUSES
+from monitor.detect.state import STEP_REST
+from tests.support.detection import detected, events_of, loads_of, slots_are_whole, stepped, steps_of
 from tests.support.plants import SECOND, START, pi_loop, times
 
 
@@ -35,20 +24,6 @@ def closed_by(sp: NDArray[np.float64], **facts: Any) -> list[Any]:
 def climbing(n: int, first: int, every: int, treads: int, height: float) -> NDArray[np.float64]:
     """Return a set point that goes up a staircase from 50, a tread each so many samples."""
     return 50.0 + height * np.clip((np.arange(n) - first) // every + 1, 0, treads)
-
-
-def test_a_step_opens_and_closes_one_event():
-    """One opening, one closing, of the step's size, at the sample that shows it, with what came before."""
-    _, found = detected(stepped())
-    (opened,), (closed,) = openings_of(found), events_of(found)
-    for event in (opened, closed):
-        assert event.amplitude == pytest.approx(4.0)
-        assert event.onset == START + 200 * SECOND
-        assert event.number == 1
-    assert closed.state == "settled"
-    assert closed.quiet
-    assert closed.window.time[RING] == 0.0
-    assert closed.window.before == RING
 
 
 def test_a_set_point_smeared_over_three_samples_is_one_step():
@@ -223,82 +198,6 @@ def test_constant_signals_are_no_trouble():
         assert np.isfinite(detector.state[name]).all(), name
 
 
-def test_a_slow_process_is_waited_for():
-    """A dead time of 150 samples, or a tail of many minutes, is no end of an event."""
-    slow = stepped(3000, 200, kp=0.04, ti=2000.0, dead=150, noise=0.04)
-    _, found = detected(slow)
-    (closed,) = events_of(found)
-    after = (closed.end - closed.onset) / SECOND
-    assert after > 600
-    assert abs(closed.offset) < 0.15 * closed.amplitude
-
-
-def test_an_event_of_a_loop_that_never_follows_ends():
-    """Where PV does not move at all the event ends after some hundred samples, away from the set point."""
-    n = 2000
-    sp = np.full(n, 10.0)
-    sp[100:] = 11.0
-    _, found = detected(Samples.of(0, times(n), sp, 10.0, 5.0))
-    (closed,) = events_of(found)
-    assert closed.state == "settled"
-    assert closed.offset == pytest.approx(1.0)
-    assert closed.end < START + 1000 * SECOND
-
-
-def test_a_loop_that_does_not_settle_is_given_up():
-    """An undamped oscillation after the step: `timeout` after twenty waves."""
-    n = 12_000
-    k = np.arange(n)
-    sp = np.full(n, 50.0)
-    sp[500:] = 54.0
-    pv = np.where(k < 503, 50.0, 54.0 + 3 * np.sin(k / 20.0))
-    _, found = detected(Samples.of(0, times(n), sp, pv, 50.0 + 0.2 * (sp - pv)))
-    (closed,) = events_of(found)
-    assert closed.state == "timeout"
-    assert 19 < (closed.end - closed.onset) / SECOND / (40 * np.pi) < 22
-
-
-def test_a_step_during_an_event_interrupts_it_and_opens_the_next():
-    """The first ends where the second begins; the second is not from rest."""
-    samples = stepped()
-    sp = samples.sp.copy()
-    sp[230:] += 3.0
-    pv, op = pi_loop(sp)
-    _, found = detected(replace(samples, sp=sp, pv=pv, op=op))
-    first, second = events_of(found)
-    assert (first.state, first.cause) == ("interrupted", CAUSES[BY_STEP])
-    assert first.end == second.onset == START + 230 * SECOND
-    assert second.amplitude == pytest.approx(3.0)
-
-
-def test_a_gap_interrupts_an_event_and_nothing_is_integrated_across():
-    """An hour without data in the middle of an event: closed at the last sample before it."""
-    samples = stepped()
-    shifted = samples.time.copy()
-    shifted[260:] += 3600 * SECOND
-    detector, found = detected(replace(samples, time=shifted))
-    (closed,) = events_of(found)
-    assert (closed.state, closed.cause) == ("interrupted", CAUSES[BY_GAP])
-    assert closed.end == START + 259 * SECOND
-    assert closed.iae < 4.0 * 60
-    health = detector.health[0]
-    assert health["wall_time"] == pytest.approx(699 + 3600)
-    assert health["good_time"] < 700
-
-
-def test_manual_interrupts_an_event_and_counts():
-    """A change to manual closes the event; nothing opens in manual; the share of time is kept."""
-    samples = stepped()
-    sp = samples.sp.copy()
-    sp[400:] += 5.0
-    auto = np.ones(700, bool)
-    auto[260:500] = False
-    detector, found = detected(replace(samples, sp=sp, auto=auto))
-    (closed,) = events_of(found)
-    assert (closed.state, closed.cause) == ("interrupted", CAUSES[BY_MODE])
-    assert detector.health[0]["manual_time"] == pytest.approx(240.0, abs=1.5)
-
-
 def test_back_to_automatic_with_a_bump_is_no_step():
     """A set point that was moved in manual is where the next baseline begins."""
     n = 900
@@ -308,13 +207,3 @@ def test_back_to_automatic_with_a_bump_is_no_step():
     auto[250:400] = False
     _, found = detected(Samples.of(0, times(n), sp, sp, 30.0, auto))
     assert steps_of(found) == []
-
-
-def test_the_end_of_the_data_interrupts_an_event():
-    """`flush` closes what is open, once."""
-    detector = Detector([Loop(name="L")])
-    detector.run(stepped().take(slice(0, 240)))
-    (closed,) = events_of(detector.flush())
-    assert (closed.state, closed.cause) == ("interrupted", CAUSES[BY_END])
-    assert detector.flush() == []
-    slots_are_whole(detector)

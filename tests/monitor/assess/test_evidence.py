@@ -1,0 +1,96 @@
+"""What evidence cannot carry a verdict."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor.assess.evidence import is_explained
+from monitor.contract.records import INCONCLUSIVE
+from monitor.detect.event import LOAD_STEP, SETPOINT_STEP
+from tests.monitor.assess.tools import assessed, stepped
+from tests.support.detection import closed_event
+from tests.support.fits import make_fit
+from tests.support.plants import pi_loop
+
+
+@pytest.mark.parametrize(
+    ("change", "facts", "word"),
+    [
+        ({}, {"kp": -2.0}, "sign"),
+        ({"saturated": True}, {"op_high": 54.0, "op_low": 0.0}, "limit"),
+        ({"holes": True}, {}, "covered"),
+        ({"coarse": True}, {}, "coarse"),
+        ({"offset": True}, {"ti": math.inf}, "no integral action"),
+        ({"jump": True}, {}, "something else moved"),
+    ],
+    ids=["wrong sign", "saturated", "holes", "too coarse", "offset", "another cause"],
+)
+def test_evidence_that_cannot_carry_a_verdict(change, facts, word):
+    """`inconclusive` with the cause in words, never a suggestion."""
+    samples = stepped(1200, noise=0.02)
+    if change.get("saturated"):
+        op = np.minimum(samples.op, 54.0)
+        samples = replace(samples, op=np.where(np.arange(1200) < 250, op, 54.0))
+    if change.get("holes"):
+        keep = np.arange(1200) % 3 == 0
+        keep[:200] = True
+        samples = samples.take(keep)
+        facts = {**facts, "period": 1.0}
+    if change.get("coarse"):
+        samples = samples.take(slice(0, None, 10))
+    if change.get("offset"):
+        pv = np.where(np.arange(1200) < 200, 50.0, 50 + 2.4 * (1 - np.exp(-(np.arange(1200) - 200) / 15)))
+        samples = replace(samples, pv=pv, op=50 + 2.0 * (samples.sp - pv))
+    if change.get("jump"):
+        samples = stepped(1200, noise=0.02, disturb=lambda k, pv: pv + 3.0 * (k > 215))
+    found, engine, seen = assessed(samples, **facts)
+    assert found.verdict == INCONCLUSIVE
+    assert word in found.reason
+    assert seen.suggestions == []
+    assert engine.row(0).new_kp is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "quality", "sigma", "noise", "amplitude", "enough"),
+    [
+        (SETPOINT_STEP, 0.96, 0.1, 0.1, 2.0, True),
+        (SETPOINT_STEP, 0.85, 0.1, 0.1, 2.0, True),  # nothing but noise is left
+        (SETPOINT_STEP, 0.85, 0.2, 0.1, 2.0, False),
+        (SETPOINT_STEP, 0.85, 0.1, 0.1, 0.5, False),  # noise makes shapes of this size
+        (SETPOINT_STEP, 0.96, 0.1, 0.01, 2.0, False),  # what is left has a cause of its own
+        (SETPOINT_STEP, 0.85, 0.1, 0.01, 2.0, False),
+        (SETPOINT_STEP, 0.99, 0.1, 0.01, 2.0, True),
+        (LOAD_STEP, 0.93, 0.1, 0.1, 2.0, True),
+        (LOAD_STEP, 0.85, 0.1, 0.1, 2.0, False),  # time and size are fitted too: a slow change does as well
+    ],
+)
+def test_what_a_model_must_explain(kind, quality, sigma, noise, amplitude, enough):
+    """All but the noise; where far more than PV's noise is left over, as in a loop that swings, nearly all."""
+    fit = replace(make_fit(), quality=quality, sigma=sigma)
+    event = replace(closed_event(), kind=kind, amplitude=amplitude, error_sd=0.1, noise=noise)
+    assert is_explained(fit, event) == enough
+
+
+def test_an_event_cut_short_says_so():
+    """The reason names what cut in; before PV had followed there is no index."""
+    samples = stepped()
+    found, _, _ = assessed(samples.take(slice(0, 208)))
+    assert found.state == "interrupted"
+    assert found.ci is None
+    assert found.verdict == INCONCLUSIVE
+    sp = samples.sp.copy()
+    sp[260:] += 3.0
+    pv, op = pi_loop(sp)
+    first, _, _ = assessed(replace(samples, sp=sp, pv=pv, op=op))
+    assert "the set point moved again" in first.reason
+
+
+def test_integrals_check_the_fit():
+    """The running integrals give gain and T0 beside the fit, for a settled event from rest."""
+    found, _, _ = assessed(stepped(1500, noise=0.005))
+    assert found.gain_integrals == pytest.approx(0.05, rel=0.02)
+    assert found.t0_integrals == pytest.approx(4.5, rel=0.25)

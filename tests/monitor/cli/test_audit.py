@@ -1,0 +1,86 @@
+"""The command `loopsight audit`: what it shows, and what it refuses in one line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tests.monitor.audit.tools import command, step_test
+
+
+@pytest.mark.parametrize(
+    ("files", "args", "says"),
+    [
+        ({}, ["none.csv"], "none.csv: no such file"),
+        ({"d.csv": "a,b\n1,2\n"}, ["d.csv"], "d.csv: columns a, b, expected"),
+        ({"d.csv": "loop,time,sp,pv,op\nX,1,2,3,4\n"}, ["d.csv", "--loops", "t.csv"], "no loop of the table"),
+        ({"d.csv": "loop,time,sp,pv,op\nX,1,a,b,c\n"}, ["d.csv"], "no good sample in 1 rows: 1 bad_value"),
+        ({"d.csv": "loop,time,sp,pv,op\nX,1,2,3,4\n"}, ["d.csv", "--loops", "n.csv"], "n.csv: No such file"),
+        ({"d.csv": "loop,time,sp,pv,op\nX,1,2,3,4\n"}, ["d.csv", "--tz", "Mars"], "--tz: 'Mars', expected"),
+        (
+            {"d.csv": "loop,time,sp,pv,op\nX,1,2,3,4\n"},
+            ["d.csv", "--since", "noon"],
+            "--since: 'noon', expected",
+        ),
+        ({"d.csv": "loop,time,sp,pv,op\nX,45000,2,3,4\n"}, ["d.csv"], "--time-unit"),
+    ],
+)
+def test_nothing_usable_is_exit_2_and_one_line_each(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, files: dict[str, str], args: list[str], says: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "t.csv").write_text("name\nLIC-1\n")
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    result = command(*args, "--out", "out")
+    assert result.exit_code == 2
+    assert says in result.stderr
+    assert "Traceback" not in result.output
+    assert not result.stdout
+    assert not list((tmp_path / "out").glob("*"))
+
+
+@pytest.mark.skipif(find_spec("distributed") is not None, reason="dask.distributed is installed here")
+def test_scheduler_without_its_library_names_the_extra(table: Path, tmp_path: Path) -> None:
+    step_test("LIC-1").to_csv(tmp_path / "d.csv", index=False)
+    result = command(
+        tmp_path / "d.csv", "--loops", table, "--out", tmp_path / "out", "--scheduler", "tcp://x:1"
+    )
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1
+    assert "loopsight[cluster]" in result.stderr
+
+
+def test_bad_loop_table_names_each_problem(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("name,ti\nA,-1\nA,2\nB,x\n")
+    result = command(tmp_path / "t.csv", "--loops", tmp_path / "t.csv", "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert len(result.stderr.splitlines()) == 2
+    assert "t.csv:2: ti: '-1', expected seconds above 0" in result.stderr
+
+
+def test_command_shows_the_worst_first_and_where_the_files_are(
+    fleet_data: pd.DataFrame, table: Path, tmp_path: Path
+) -> None:
+    fleet_data.to_parquet(tmp_path / "d.parquet")
+    result = command(tmp_path / "d.parquet", "--loops", table, "--out", tmp_path / "out")
+    assert result.exit_code == 0
+    assert result.stderr == ""
+    lines = result.stdout.splitlines()
+    assert lines[0].split() == ["verdict", "loop", "CI", "Ms", "why", "new", "settings"]
+    assert "5 loops, 10 events, 4500 of 4500 samples used" in lines[-2]
+    assert lines[-1].endswith("out/: loops.csv, loops.parquet, events.parquet, audit.json")
+    assert max(map(len, lines)) <= 140
+
+
+def test_help_and_import_are_light() -> None:
+    heavy = {"numpy", "pyarrow", "numba", "rich"}
+    code = f"import sys, monitor.audit, monitor.check; print(len({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "0"
+    assert "Example:\n    loopsight audit " in command("--help").stdout

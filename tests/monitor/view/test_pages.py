@@ -1,0 +1,73 @@
+"""Pages of text: figures, old and new settings, names as they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from monitor.contract.figures import MEANINGS
+from monitor.view import pages
+from tests.support.fake_monitor import Loop, assessment, row
+from tests.support.hostile import HOSTILE
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_escape_shows_text_as_it_is(name: str) -> None:
+    """Taking the backslashes away again gives the text; unescaped marks do not remain."""
+    shown = pages.escape(name)
+    plain = pages.plain(name)
+    assert "".join(c for i, c in enumerate(shown) if c != "\\" or shown[i - 1 : i] == "\\") == plain
+    assert "\n" not in shown
+    assert len(plain) <= 200
+
+
+def test_pages_of_rows_without_figures() -> None:
+    """A row may have nothing but a name: every figure that is not there is a dash."""
+    bare = {"loop": "X", "verdict": "retune"}
+    assert "No new settings" in pages.loop_page(bare)
+    assert "cannot carry a model" in pages.loop_page({**bare, "gain": None})
+    assert "withheld" not in pages.loop_page({**bare, "new_kp": None})
+    assert "–" in pages.overview([bare], {"retune": 1}, None, [])
+    assert "No loop is flagged" in pages.overview([], {}, {"id": "m", "samples_ok": None}, [])
+    assert pages.log_line({})[1] == "INFO"
+
+
+def test_page_tells_old_and_new(loop: Loop) -> None:
+    """Settings, indices and the model's intervals stand side by side, with units."""
+    page = pages.loop_page(row(loop), assessment(loop))
+    for part in (
+        "| Kp \\[OP/PV\\] | 9.00 | **23.8** |",
+        "GAIN = 23\\.8",
+        "\\[PV/(OP s)\\]",
+        "1. Kp",
+        "2. Kp",
+    ):
+        assert part in page, page
+    none = pages.loop_page({**row(loop), "ti": None, "new_ti": None})
+    assert "| Ti \\[s\\] | none | **none** |" not in none  # neither had it: no line
+    assert "| Ti \\[s\\] | none | **84.0** |" in pages.loop_page({**row(loop), "ti": None})
+
+
+def test_page_shows_health_and_what_it_means(loop: Loop) -> None:
+    """The figures that the data carry, each with unit and meaning; flags in words; nothing of what is not known."""
+    sick = {**row(loop), "oscillation_period": 155.0, "stiction": None, "flags": ("oscillating", "noisy_op")}
+    page = pages.loop_page(sick)
+    assert "oscillating, noisy op" in page.replace("\\", "")
+    assert f"| oscillation period \\[s\\] | 155 | {MEANINGS['oscillation_period'].says} |" in page
+    assert MEANINGS["stiction"].says not in page
+    assert "Health" not in pages.loop_page({"loop": "A", "verdict": "retune"})
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.00123456, "0.00123"),
+        (1234.5, "1234"),
+        (0.0, "0.00"),
+        (1e-9, "1.00e-09"),
+        (None, "–"),
+        (np.nan, "–"),
+    ],
+)
+def test_number(value: float | None, text: str) -> None:
+    assert pages.number(value) == text

@@ -1,6 +1,7 @@
 """A simulation as a historian export, with the loop table and the truth."""
 
 import csv
+import io
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 
+from monitor.adapters.files import replacing, write_text
 from sim_plants.loops import DEFAULT_START, LoopSpec, Simulation
 from sim_plants.payloads import SCHEMA, iso_times, name_array, to_batch
 from sim_plants.truth import EVENT_COLUMNS, TRUTH_COLUMNS, loop_table, truth_events, truth_rows
@@ -66,11 +68,12 @@ def write_rows(path: Path, rows: Iterable[Mapping[str, Any]], columns: Sequence[
     The header is `columns`, or the keys of the first row.
     """
     rows = list(rows)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns or list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({k: str(v).lower() if isinstance(v, bool) else v for k, v in row.items()})
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns or list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({k: str(v).lower() if isinstance(v, bool) else v for k, v in row.items()})
+    write_text(path, text.getvalue())
 
 
 def _write_samples(simulation: Simulation, seconds: float, path: Path) -> int:
@@ -78,7 +81,7 @@ def _write_samples(simulation: Simulation, seconds: float, path: Path) -> int:
     names = name_array([loop.name for loop in simulation.loops])
     left, chunk = seconds, _CHUNK / simulation.rate
     total = 0
-    with pq.ParquetWriter(path, SCHEMA) as writer:
+    with replacing(path) as file, pq.ParquetWriter(file, SCHEMA) as writer:
         while left > 0:
             block = simulation.advance(min(chunk, left))
             writer.write_batch(to_batch(block, block.loop, names, SCHEMA))

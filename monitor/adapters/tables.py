@@ -15,6 +15,8 @@ import pyarrow.parquet as pq
 from monitor.adapters.historian.source import ZONED
 from monitor.contract.records import TIMES, Assessment, LoopRow
 
+from .files import replacing, write_text
+
 EVENTS, LOOPS, LOOPS_CSV = "events.parquet", "loops.parquet", "loops.csv"
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
@@ -97,19 +99,6 @@ def _cell(value: Any) -> str:
     return repr(value)
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text file whole or not at all.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-    """
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8", newline="\n")
-    part.replace(path)
-
-
 # ---------------------------------------------------------------------------------------------------
 # out
 
@@ -138,6 +127,5 @@ def write_parquet(path: Path, columns: Mapping[str, tuple[str, Sequence[Any]]]) 
     """
     schema = pa.schema([(name, _TYPES[kind]) for name, (kind, _) in columns.items()])
     arrays = [pa.array(list(values), type=_TYPES[kind]) for kind, values in columns.values()]
-    part = path.with_name(path.name + ".part")
-    pq.write_table(pa.table(arrays, schema=schema), part, compression="zstd")
-    part.replace(path)
+    with replacing(path) as file:
+        pq.write_table(pa.table(arrays, schema=schema), file, compression="zstd")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -16,12 +15,11 @@ import zenoh
 from monitor.contract.entries import LARGEST, Message
 from monitor.contract.keys import PREFIX
 
+from .inbox import Inbox
+
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 RECONNECT = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}
 """A router that comes back is found within a second; set as one object, single fields are refused."""
-MOST_BYTES = 256 * 2**20
-"""Bytes that the ring holds before it drops its oldest messages."""
-MOST_MESSAGES = 2_000_000
 MOST_ASKED = 64 * 1024
 """Bytes of a query's payload above which it is left unread."""
 
@@ -75,49 +73,6 @@ def open_session(
         raise BusError(f"{where}: cannot open a Zenoh session: {why}") from None
 
 
-class Ring:
-    """Messages between Zenoh's thread and ours: bounded, the oldest dropped and counted.
-
-    A stalled callback blocks Zenoh's publishers for seconds and then cuts their link; so the callback
-    only enqueues.
-    """
-
-    def __init__(self, most_bytes: int = MOST_BYTES, most_messages: int = MOST_MESSAGES) -> None:
-        self._queue: deque[Message] = deque()
-        self._lock = threading.Lock()
-        self._bytes = 0
-        self._most_bytes, self._most_messages = most_bytes, most_messages
-        self.received = 0
-        """Messages that came in."""
-        self.dropped = 0
-        """Messages that were dropped because nobody took them."""
-
-    def __len__(self) -> int:
-        return len(self._queue)
-
-    def put(self, message: Message) -> None:
-        """Append a message; drop the oldest ones that no longer fit."""
-        with self._lock:
-            self.received += 1
-            self._queue.append(message)
-            self._bytes += len(message.payload)
-            while self._bytes > self._most_bytes or len(self._queue) > self._most_messages:
-                self._bytes -= len(self._queue.popleft().payload)
-                self.dropped += 1
-
-    def take(self, most: int, most_bytes: int = MOST_BYTES) -> list[Message]:
-        """Return the oldest messages, at most this many; no more after these bytes are reached."""
-        taken: list[Message] = []
-        size = 0
-        with self._lock:
-            while self._queue and len(taken) < most and size < most_bytes:
-                message = self._queue.popleft()
-                size += len(message.payload)
-                taken.append(message)
-            self._bytes -= size
-        return taken
-
-
 class Question:
     """A query that waits for its answers."""
 
@@ -157,7 +112,7 @@ def _parameters(text: str) -> dict[str, str]:
 
 
 class Bus:
-    """A monitor's session: hears into a ring, is asked into a list, speaks under one prefix.
+    """A monitor's session: hears into an inbox, is asked into a list, speaks under one prefix.
 
     Parameters
     ----------
@@ -171,7 +126,7 @@ class Bus:
         self._session = session
         self._prefix = prefix
         self._declared: list[Any] = []
-        self.ring = Ring()
+        self.inbox: Inbox[Message] = Inbox()
         self.questions: deque[Question] = deque(maxlen=1000)
         self.unsaid = 0
         """What Zenoh would not take."""
@@ -186,7 +141,7 @@ class Bus:
         BusError
             One is no key expression.
         """
-        ring, ours = self.ring, self._prefix + "/"
+        inbox, ours = self.inbox, self._prefix + "/"
 
         def enqueue(sample: Any) -> None:
             key = str(sample.key_expr)
@@ -194,7 +149,7 @@ class Bus:
                 return
             stamp = sample.timestamp
             time = arrival() if stamp is None else _nanoseconds(stamp.get_time())
-            ring.put(Message(key, sample.payload.to_bytes(), time))
+            inbox.put(Message(key, sample.payload.to_bytes(), time))
 
         for key in keys:
             try:

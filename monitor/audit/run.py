@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from monitor.adapters.files import write_text
 from monitor.adapters.historian.clock import zone_of
 from monitor.adapters.historian.layout import LONG
 from monitor.adapters.historian.merge import Span
@@ -22,7 +23,7 @@ from monitor.adapters.historian.reader import FORMATS, inspect, scan
 from monitor.adapters.historian.rows import Tally, UnusableError
 from monitor.adapters.historian.source import Source
 from monitor.adapters.loop_table import read_loop_table
-from monitor.adapters.tables import write_tables, write_text
+from monitor.adapters.tables import write_tables
 from monitor.contract.loop_fields import parse_row
 from monitor.contract.loops import LoopTable, LoopTableError
 from monitor.contract.records import WORST_FIRST

@@ -17,6 +17,7 @@ from typing import Any
 
 import msgspec
 
+from monitor.adapters.files import write_bytes
 from monitor.adapters.historian.layout import LONG
 from monitor.adapters.historian.merge import OutOfOrderError, Span, in_order, rows_of, sorted_samples
 from monitor.adapters.historian.reader import scan
@@ -259,7 +260,7 @@ def run_all(
         state.loops += len(tasks[k].loops)
         progress(state)
         if part.unusable is None:
-            _store(files[k], part)
+            write_bytes(files[k], msgspec.msgpack.encode(part))
     return [parts[k] for k in range(len(tasks))]
 
 
@@ -268,12 +269,6 @@ def _stored(file: Path) -> Part | None:
         return msgspec.msgpack.decode(file.read_bytes(), type=Part)
     except (OSError, msgspec.MsgspecError):
         return None  # not there, or torn: the task runs again
-
-
-def _store(file: Path, part: Part) -> None:
-    half = file.with_suffix(".part")
-    half.write_bytes(msgspec.msgpack.encode(part))
-    half.replace(file)
 
 
 def _results(

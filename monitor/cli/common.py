@@ -1,16 +1,10 @@
-"""What all commands share: one style of error, the version, being told to stop."""
+"""What all commands share: one style of error, the version."""
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
-from typing import Any
+from collections.abc import Callable
 
 import click
-
-STOP_WITHIN = 9.0
-"""Seconds between being told to stop and a hard end: nothing may keep a service manager waiting."""
 
 
 class Refused(click.ClickException):
@@ -39,17 +33,8 @@ def version_option() -> click.Option:
     )
 
 
-def until_told() -> threading.Event:
-    """Return an event that SIGTERM and SIGINT set; STOP_WITHIN later the process ends, whatever hangs."""
-    stop = threading.Event()
-
-    def tell(*_: Any) -> None:
-        if not stop.is_set():
-            deadline = threading.Timer(STOP_WITHIN, os._exit, (1,))
-            deadline.daemon = True
-            deadline.start()
-        stop.set()
-
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, tell)
-    return stop
+def parent_option(command: Callable[..., None]) -> Callable[..., None]:
+    """Add ``--parent``, by which a command of ours that another one has started ends with it."""
+    return click.option(
+        "--parent", type=int, hidden=True, help="End when the process with this id is no longer our parent."
+    )(command)

@@ -6,10 +6,8 @@ from pathlib import Path
 
 import click
 
-from .common import Refused, until_told
+from .common import Refused
 from .simulate import scenario_loops
-
-# ---------------------------------------------------------------------------------------------------
 
 
 @click.command(epilog="Example: loopsight demo --seconds 60 --view none --out out")
@@ -42,6 +40,7 @@ def demo(
     """
     import tempfile
 
+    from monitor.adapters.process import Stop
     from monitor.adapters.tables import write_tables
     from monitor.service.demo import Demo, run_demo
     from sim_plants.export import write_rows
@@ -53,15 +52,15 @@ def demo(
             out.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise Refused(str(error)) from None
-    stop = until_told()
-    with tempfile.TemporaryDirectory(prefix="loopsight-") as tables:
+    with Stop() as stop, tempfile.TemporaryDirectory(prefix="loopsight-") as tables:
         write_rows(Path(tables) / "loops.csv", loop_table(loops))
         arguments = ["--scenario", scenario, "--seed", str(seed), "--speed", str(speed)]
         try:
             assessments, rows = run_demo(Demo(Path(tables), arguments, seconds, view, save), stop)
         except (OSError, ChildProcessError) as error:
             raise Refused(str(error)) from None
-    if out is not None:
+        if out is None:
+            return
         try:
             write_tables(out, assessments, rows, seconds=False)
             write_rows(out / "truth.csv", truth_rows(loops), TRUTH_COLUMNS)

@@ -6,9 +6,7 @@ from pathlib import Path
 
 import click
 
-from .common import Refused, until_told
-
-# ---------------------------------------------------------------------------------------------------
+from .common import Refused
 
 
 @click.command(epilog="Example: loopsight monitor --loops loops.csv --connect tcp/10.1.2.3:7447")
@@ -39,19 +37,20 @@ def monitor(
 
     Prints a line that begins with `ready` once it listens. SIGTERM or Ctrl-C: finishes what it holds, exit 0.
     """
+    from monitor.adapters.process import Stop
     from monitor.service.config import load
     from monitor.service.run import run_monitor
 
-    stop = until_told()
-    try:
-        config = load(
-            file,
-            loops=loops,
-            connect=list(connect) or None,
-            listen=list(listen) or None,
-            state=state,
-            view=view,
-        )
-        run_monitor(config, stop, save=save, verbose=verbose)
-    except (ValueError, OSError) as error:
-        raise Refused(str(error)) from None
+    with Stop() as stop:
+        try:
+            config = load(
+                file,
+                loops=loops,
+                connect=list(connect) or None,
+                listen=list(listen) or None,
+                state=state,
+                view=view,
+            )
+            run_monitor(config, stop, save=save, verbose=verbose)
+        except (ValueError, OSError) as error:
+            raise Refused(str(error)) from None

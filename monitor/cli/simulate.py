@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import threading
 from pathlib import Path
 from typing import Any
 
 import click
 
-from .common import Refused, until_told
+from .common import Refused, parent_option
 
 
 def scenario_loops(name: str, seed: int) -> Any:
@@ -37,9 +35,10 @@ def scenario_loops(name: str, seed: int) -> Any:
               help="With --out: simulated time.  [h]")  # fmt: skip
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path),
               help="Write an export here instead: data.parquet, loops.csv, truth.csv, truth_events.csv.")  # fmt: skip
+@parent_option
 def simulate(
     loops: int | None, scenario: str | None, plant: Path | None, seed: int, speed: float, payload: Any,
-    connect: str, seconds: float | None, hours: float, out: Path | None,
+    connect: str, seconds: float | None, hours: float, out: Path | None, parent: int | None,
 ) -> None:  # fmt: skip
     """Publish simulated loops on Zenoh, or write them as a historian export with the truth beside it."""
     specs = _loops(loops, scenario, plant, seed)
@@ -53,7 +52,7 @@ def simulate(
         click.echo(f"{rows:,} samples of {len(specs)} loops, {hours:g} h: {out}/data.parquet, loops.csv, truth.csv, "
                    "truth_events.csv")  # fmt: skip
         return
-    _publish(specs, connect, speed, payload, seconds)
+    _publish(specs, connect, speed, payload, seconds, parent)
 
 
 def _loops(loops: int | None, scenario: str | None, plant: Path | None, seed: int) -> Any:
@@ -73,34 +72,23 @@ def _loops(loops: int | None, scenario: str | None, plant: Path | None, seed: in
     return scenario_loops(scenario or "demo", seed)
 
 
-def _publish(specs: Any, connect: str, speed: float, payload: Any, seconds: float | None) -> None:
+def _publish(
+    specs: Any, connect: str, speed: float, payload: Any, seconds: float | None, parent: int | None
+) -> None:
     import time
 
+    from monitor.adapters.process import Stop
     from monitor.adapters.zenoh_bus import BusError, open_session, plant_put
     from sim_plants.loops import Simulation
     from sim_plants.publish import Publisher, run, start_time
 
-    stop = until_told()
-    _end_with_parent(stop)
-    try:
-        session = open_session("client", connect=[connect])
-    except BusError as error:
-        raise Refused(str(error)) from None
-    try:
-        simulation = Simulation(specs, start_time(time.time(), speed, seconds))
-        run(simulation, Publisher(plant_put(session), specs, payload), speed, seconds, stop)
-    finally:
-        session.close()
-
-
-def _end_with_parent(stop: threading.Event) -> None:
-    """End when the demo that started us has gone, even by force."""
-    parent = int(os.environ.get("LOOPSIGHT_PARENT", "0"))
-
-    def look() -> None:
-        while not stop.wait(1.0):
-            if os.getppid() != parent:
-                stop.set()
-
-    if parent:
-        threading.Thread(target=look, daemon=True).start()
+    with Stop(parent=parent) as stop:
+        try:
+            session = open_session("client", connect=[connect])
+        except BusError as error:
+            raise Refused(str(error)) from None
+        try:
+            simulation = Simulation(specs, start_time(time.time(), speed, seconds))
+            run(simulation, Publisher(plant_put(session), specs, payload), speed, seconds, stop)
+        finally:
+            session.close()

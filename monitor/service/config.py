@@ -40,7 +40,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     view: str = "none"
     """``none``, ``web`` or ``native``."""
     tick: float = 0.05
-    """Longest wait between two looks at the ring [s]."""
+    """Longest wait between two looks at the inbox [s]."""
 
     def __post_init__(self) -> None:
         checks = [

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -20,6 +17,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from monitor.adapters.loop_table import read_loop_table
+from monitor.adapters.process import end, start_own
 from monitor.adapters.store import Store
 from monitor.adapters.zenoh_bus import DEFAULT_ENDPOINT, Bus, BusError, open_session
 from monitor.contract import keys
@@ -67,7 +65,7 @@ def run_demo(demo: Demo, stop: threading.Event) -> tuple[list[Assessment], list[
             loops = read_loop_table(config.loops)
             bus.subscribe(config.subscribe, time.time_ns)
             bus.answer([keys.LOOPS, keys.of_monitor(config.id)])
-            plant = _start_plant(demo, endpoint)
+            plant = start_own("simulate", *demo.simulate, "--connect", endpoint)
             with console.status("preparing the fits (the first run compiles them, half a minute)"):
                 warm_up()
             view = _start_view(console, demo, endpoint)
@@ -75,11 +73,12 @@ def run_demo(demo: Demo, stop: threading.Event) -> tuple[list[Assessment], list[
             store = Store(Path(state))
             service = Service(config, loops, bus, store, heard=_reporter(console, assessments))
             _watch(service, console, plant, demo.seconds, stop)
-            _end(plant)
+            end(plant)
             service.finish()
             rows = service.rows()
         finally:
-            _end(plant)
+            if plant is not None:
+                end(plant)
             if view is not None:
                 view.stop()
             bus.close()
@@ -99,12 +98,6 @@ def _open() -> tuple[Any, str]:
     raise BusError("tcp/127.0.0.1:7447-7499: no free port for the demo")
 
 
-def _start_plant(demo: Demo, endpoint: str) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "monitor", "simulate", *demo.simulate, "--connect", endpoint]
-    environment = {**os.environ, "LOOPSIGHT_PARENT": str(os.getpid())}
-    return subprocess.Popen(command, start_new_session=True, env=environment)  # noqa: S603 (our own command)
-
-
 def _start_view(console: Console, demo: Demo, endpoint: str) -> Any:
     if demo.view == "none" and demo.save is None:
         return None
@@ -119,7 +112,7 @@ def _start_view(console: Console, demo: Demo, endpoint: str) -> Any:
 def _watch(
     service: Service,
     console: Console,
-    plant: subprocess.Popen[bytes],
+    plant: subprocess.Popen[str],
     seconds: float | None,
     stop: threading.Event,
 ) -> None:
@@ -200,14 +193,3 @@ def _summary(rows: list[LoopRow]) -> Table:
 
 def _figure(value: float | None) -> str:
     return "" if value is None else f"{value:.3g}"
-
-
-def _end(plant: subprocess.Popen[bytes] | None) -> None:
-    if plant is None or plant.poll() is not None:
-        return
-    plant.send_signal(signal.SIGTERM)
-    try:
-        plant.wait(5)
-    except subprocess.TimeoutExpired:
-        plant.kill()
-        plant.wait()

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import logging
-import os
-import signal
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from monitor.adapters.loop_table import read_loop_table
+from monitor.adapters.process import Stop
 from monitor.adapters.store import Store
 from monitor.adapters.zenoh_bus import DEFAULT_ENDPOINT, Bus, BusError, open_session
 from monitor.contract import keys
@@ -21,13 +17,8 @@ from monitor.contract.loops import LoopTable
 from .config import Config
 from .service import Service, warm_up
 
-GIVE_UP_WITHIN = 5.0
-"""For closing the bus when told to stop before anything was heard [s]."""
 
-
-def run_monitor(
-    config: Config, stop: threading.Event, save: Path | None = None, verbose: bool = False
-) -> None:
+def run_monitor(config: Config, stop: Stop, save: Path | None = None, verbose: bool = False) -> None:
     """Run the service until ``stop`` is set.
 
     Raises
@@ -50,7 +41,7 @@ def run_monitor(
     _warn_of_open_doors(listen)
     bus, view = Bus(session), None
     try:
-        with _given_up(stop):  # nothing is held yet: a compiler that has just begun need not end its work
+        with stop.breaking_off():  # nothing is held yet: a compiler that has just begun need not end its work
             warm_up()
         if stop.is_set():
             return
@@ -67,35 +58,6 @@ def run_monitor(
             view.stop()
         bus.close()
         store.close()
-
-
-class _Told(BaseException):
-    """The process was told to stop."""
-
-
-@contextmanager
-def _given_up(stop: threading.Event) -> Iterator[None]:
-    """Break off what runs inside when told to stop, instead of waiting for its end."""
-    if stop.is_set() or threading.current_thread() is not threading.main_thread():
-        yield  # a signal only ever reaches the main thread
-        return
-
-    def tell(*_: Any) -> None:
-        stop.set()
-        deadline = threading.Timer(GIVE_UP_WITHIN, os._exit, (0,))  # where the compiler swallows it
-        deadline.daemon = True
-        deadline.start()
-        raise _Told
-
-    numbers = (signal.SIGTERM, signal.SIGINT)
-    before = [signal.signal(number, tell) for number in numbers]
-    try:
-        yield
-    except _Told:
-        pass
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
 
 
 def _view(config: Config, endpoint: str, save: Path | None) -> Any:

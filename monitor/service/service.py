@@ -43,7 +43,7 @@ from .snapshot import OpenEvents
 log = logging.getLogger("loopsight")
 
 MOST_MESSAGES, MOST_BYTES = 50_000, 16 * 2**20
-"""Messages, and their bytes, taken from the ring in one tick: a backlog does not hide all else."""
+"""Messages, and their bytes, taken from the inbox in one tick: a backlog does not hide all else."""
 ASSESS_TIME = 0.05
 """Time in a tick for assessing closed events: in an upset the ingest goes on [s]."""
 STATUS_EVERY = 10.0
@@ -83,7 +83,7 @@ MOST_NAMED = 20
 class Bus(Protocol):
     """What the service needs of the bus."""
 
-    ring: Any
+    inbox: Any
     questions: deque[Any]
     unsaid: int
 
@@ -109,7 +109,7 @@ class Service:
     config, loops
         What to watch, and how.
     bus
-        Its ``ring`` brings messages, its ``questions`` queries; `say` publishes.
+        Its ``inbox`` brings messages, its ``questions`` queries; `say` publishes.
     store
         Keeps what is published.
     heard
@@ -174,7 +174,7 @@ class Service:
 
     def tick(self) -> int:
         """Work off what has come in; return the number of messages."""
-        messages = self.bus.ring.take(MOST_MESSAGES, MOST_BYTES)
+        messages = self.bus.inbox.take(MOST_MESSAGES, MOST_BYTES)
         now = self._monotonic()
         if messages:
             self._latency = max(self._latency, (self._clock() - messages[0].time) * 1e-9)
@@ -503,8 +503,8 @@ class Service:
                 "stale": len(self._stale),
             },
             "flagged": [self.loops[k].name for k in sorted(self._flagged)[:100]],
-            "messages": self.bus.ring.received,
-            "dropped": self.bus.ring.dropped,
+            "messages": self.bus.inbox.received,
+            "dropped": self.bus.inbox.dropped,
             "samples_ok": ok,
             **counts,
             **{cause: self.decoder.causes[cause] for cause in causes},
@@ -514,7 +514,7 @@ class Service:
             "disturbances": self.engine.disturbances,
             "unknown": dict(self.decoder.unknown.most_common(20)),
             "rates": {"messages": round(self._rates[0], 1), "samples": round(self._rates[1], 1)},
-            "queue": len(self.bus.ring),
+            "queue": len(self.bus.inbox),
             "latency": round(self._latency, 3),
             "held": self.order.waiting,
             "crowded": self.order.crowded,
@@ -528,7 +528,7 @@ class Service:
         """Rates [1/s] since the last look, at least a second ago."""
         then, messages, samples = self._last
         if now - then >= 1.0:
-            received = self.bus.ring.received
+            received = self.bus.inbox.received
             self._rates = ((received - messages) / (now - then), (ok - samples) / (now - then))
             self._last = (now, received, ok)
 
@@ -601,12 +601,12 @@ class Service:
         self.finish()
 
     def finish(self) -> None:
-        """Work off the ring and the window, close open events, store and publish.
+        """Work off the inbox and the window, close open events, store and publish.
 
         What comes in meanwhile is left: a publisher that never pauses must not keep us.
         """
         until = self._monotonic() + FINISH_TIME
-        left = len(self.bus.ring)
+        left = len(self.bus.inbox)
         while left > 0 and self._monotonic() < until and (taken := self.tick()):
             left -= taken
         last = self.order.release(np.inf)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 import logging
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.adapters.files import write_bytes
 from monitor.contract.loops import LoopTable
 from monitor.contract.records import event_id
 from monitor.detect.detector import Detector
@@ -132,12 +132,7 @@ def write(path: Path, snapshot: Snapshot) -> None:
     columns: dict[str, Any] = {"names": snapshot.names, "keys": snapshot.keys, **snapshot.arrays}
     file = io.BytesIO()
     np.savez(file, time=np.array([snapshot.time]), **columns)
-    part = path.with_name(path.name + ".part")
-    with part.open("wb") as out:
-        out.write(file.getbuffer())
-        out.flush()
-        os.fsync(out.fileno())
-    part.replace(path)
+    write_bytes(path, file.getbuffer())
 
 
 def read(path: Path) -> Snapshot | None:

@@ -7,13 +7,14 @@ and trends of the few loops that it shows. A callback only enqueues, and a full 
 from __future__ import annotations
 
 import logging
-import threading
-from collections import Counter, OrderedDict, deque
+from collections import Counter, OrderedDict
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import msgspec
 
+from monitor.adapters.inbox import Inbox
+from monitor.contract.entries import Message
 from monitor.contract.evidence import Pane, Trend, Window, merge
 from monitor.contract.times import nanoseconds
 from monitor.wire.arrow import decode_trend, decode_window
@@ -45,37 +46,6 @@ PAYLOAD_MAX = 4 << 20
 """A larger payload [bytes] is none of the monitor's."""
 
 
-class Message(NamedTuple):
-    """One payload and the key it came under."""
-
-    key: str
-    payload: bytes
-
-
-class Inbox:
-    """Bounded queue between Zenoh's threads and the view's: never blocks, drops the oldest and counts it."""
-
-    def __init__(self, size: int = INBOX) -> None:
-        self._entries: deque[Message] = deque()
-        self._size = size
-        self._lock = threading.Lock()
-        self.dropped = 0
-
-    def put(self, key: str, payload: bytes) -> None:
-        """Append a message; called from any thread."""
-        with self._lock:
-            if len(self._entries) >= self._size:
-                self._entries.popleft()
-                self.dropped += 1
-            self._entries.append(Message(key, payload))
-
-    def take(self) -> list[Message]:
-        """Take all that came since the last call, in order."""
-        with self._lock:
-            entries, self._entries = self._entries, deque()
-        return list(entries)
-
-
 class Drawing(Protocol):
     """What the feed draws on: ``monitor.adapters.rerun_view.Picture``."""
 
@@ -103,7 +73,8 @@ class Feed:
 
     def __init__(self, session: Any, picture: Drawing, most: int = SHOWN) -> None:
         self.board = Board(most)
-        self.inbox, self.replies = Inbox(), Inbox(REPLIES)
+        self.inbox: Inbox[Message] = Inbox(most=INBOX)
+        self.replies: Inbox[Message] = Inbox(most=REPLIES)
         self.refused: Counter[str] = Counter()
         """Payloads that could not be read, by cause."""
         self._session, self._picture = session, picture
@@ -166,11 +137,11 @@ class Feed:
 
     def _hear(self, sample: Any) -> None:
         if len(sample.payload) <= PAYLOAD_MAX:
-            self.inbox.put(str(sample.key_expr), sample.payload.to_bytes())
+            self.inbox.put(Message(str(sample.key_expr), sample.payload.to_bytes(), 0))
 
     def _answered(self, reply: Any) -> None:
         if reply.ok is not None and len(reply.ok.payload) <= PAYLOAD_MAX:
-            self.replies.put(str(reply.ok.key_expr), reply.ok.payload.to_bytes())
+            self.replies.put(Message(str(reply.ok.key_expr), reply.ok.payload.to_bytes(), 0))
 
     def _ask(self, selector: str) -> None:
         self._session.get(selector, self._answered, timeout=10.0)

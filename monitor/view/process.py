@@ -8,16 +8,16 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-import signal
 import subprocess
 import sys
 import threading
 import webbrowser
 from pathlib import Path
-from types import FrameType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import click
+
+from monitor.adapters.process import Stop, end
 
 if TYPE_CHECKING:
     from monitor.adapters.rerun_view.picture import Picture
@@ -58,16 +58,9 @@ class ViewProcess:
         """Whether the view still runs."""
         return self._process.poll() is None
 
-    def stop(self, patience: float = LAST_WORD + 3.0) -> None:
-        """End the view and what it has started, by force after ``patience`` [s]. Harmless twice."""
-        if self.alive():
-            self._process.terminate()
-            try:
-                self._process.wait(patience)
-            except subprocess.TimeoutExpired:
-                self._process.send_signal(signal.SIGCONT if sys.platform != "win32" else signal.SIGTERM)
-                self._process.kill()
-        self._process.wait()
+    def stop(self, within: float = LAST_WORD + 3.0) -> None:
+        """End the view and what it has started, by force after ``within`` [s]. Harmless twice."""
+        end(self._process, within)
         self._reader.join(1.0)
 
     def _read(self) -> None:
@@ -156,7 +149,7 @@ def view_command(
         raise click.UsageError(f"--save {save}: no such folder")
     if connect and not re.fullmatch(r"[a-z]+/[^\s/]+(/.*)?", connect):
         raise click.UsageError(f"--connect {connect!r} is no endpoint such as {ENDPOINT}")
-    with _Stop(parent) as stop:
+    with Stop(LAST_WORD, 0, parent) as stop:
         if file is not None:
             _show(file, how, browser, stop)
         else:
@@ -177,9 +170,7 @@ def run(arguments: list[str]) -> int:
 
 def main() -> None:
     """Run ``view`` as a process of its own."""
-    code = run(sys.argv[1:])
-    _guard(code).start()
-    sys.exit(code)
+    sys.exit(run(sys.argv[1:]))
 
 
 def _check_recording(file: Path) -> None:
@@ -192,46 +183,7 @@ def _check_recording(file: Path) -> None:
         raise click.UsageError(f"{file}: not a Rerun recording")
 
 
-class _Stop:
-    """When to end: a signal has come, or the parent has gone. In force inside ``with``."""
-
-    def __init__(self, parent: int | None) -> None:
-        self._event = threading.Event()
-        self._parent = parent
-        self._guard = _guard(0)
-        self._before: dict[int, Any] = {}
-
-    def __enter__(self) -> Self:
-        for number in (signal.SIGTERM, signal.SIGINT):
-            self._before[number] = signal.signal(number, self.set)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._guard.cancel()
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def set(self, *_: int | FrameType | None) -> None:
-        """End soon; by force if it takes too long."""
-        if not self._event.is_set():
-            self._event.set()
-            self._guard.start()
-
-    def wait(self, seconds: float) -> bool:
-        """Wait at most so long; True when it is time to end."""
-        if self._parent is not None and os.getppid() != self._parent:
-            self.set()
-        return self._event.wait(seconds)
-
-
-def _guard(code: int) -> threading.Timer:
-    """Timer that ends this process however it hangs: a viewer or a link that is stuck must not keep it."""
-    guard = threading.Timer(LAST_WORD, os._exit, [code])
-    guard.daemon = True
-    return guard
-
-
-def _show(file: Path, how: str, browser: bool, stop: _Stop) -> None:
+def _show(file: Path, how: str, browser: bool, stop: Stop) -> None:
     viewer = _viewer(how, file)
     if viewer is None:
         return
@@ -240,6 +192,7 @@ def _show(file: Path, how: str, browser: bool, stop: _Stop) -> None:
         while viewer.alive() and not stop.wait(TICK):
             pass
     finally:
+        stop.set()
         viewer.stop()
 
 
@@ -277,7 +230,7 @@ def _watch(
     how: str,
     save: Path | None,
     browser: bool,
-    stop: _Stop,
+    stop: Stop,
 ) -> None:
     """Show the monitor at ``endpoint`` until stopped, or until the viewer has been closed."""
     os.environ.setdefault("RUST_LOG", "off")  # a viewer that has gone is told in our words, once
@@ -307,7 +260,7 @@ def _draw(
     viewer: RerunProcess | None,
     picture: Picture,
     browser: bool,
-    stop: _Stop,
+    stop: Stop,
 ) -> None:
     from .feed import Feed  # noqa: PLC0415
 

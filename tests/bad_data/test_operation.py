@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from monitor.adapters.inbox import Inbox
 from monitor.adapters.store import StoreError
-from monitor.adapters.zenoh_bus import Ring
 from monitor.contract.records import GOOD
 from tests.bad_data.harness import (
     LOST,
@@ -136,7 +136,7 @@ def test_a_backlog_of_a_minute_in_one_go(clean: Outcome, tmp_path: Path, payload
 def test_a_consumer_that_is_too_slow_loses_the_oldest_and_counts(tmp_path: Path) -> None:
     """The ring is full: its oldest go, each counted; what is left is used, and the hole is a gap."""
     monitor = Live(tmp_path)
-    monitor.bus.ring = Ring(most_messages=100)
+    monitor.bus.inbox = Inbox(most=100)
     rows = [m for single in messages(good(N)) for m in single]
     monitor.put(rows[:50], 50.0)
     for message in rows[50:550]:

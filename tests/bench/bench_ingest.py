@@ -24,7 +24,8 @@ import msgspec
 import numpy as np
 import pyarrow as pa
 
-from monitor.adapters.zenoh_bus import Bus, Ring, open_session, plant_put
+from monitor.adapters.inbox import Inbox
+from monitor.adapters.zenoh_bus import Bus, open_session, plant_put
 from monitor.contract.entries import Message
 from monitor.contract.loops import Loop, LoopTable
 from monitor.engine import Engine
@@ -100,18 +101,18 @@ def floor(message: Message) -> int:
 
 
 class Chain:
-    """Ring, decoder, order, engine: what a tick does, without bus and store."""
+    """Inbox, decoder, order, engine: what a tick does, without bus and store."""
 
     def __init__(self, loops: int) -> None:
         self.table = LoopTable([Loop(name=f"L{k}", kp=1.0, ti=10.0) for k in range(loops)])
-        self.ring, self.decoder = Ring(), Decoder(self.table)
+        self.inbox, self.decoder = Inbox(), Decoder(self.table)
         self.order, self.engine = Order(loops), Engine(self.table)
         self.stage = dict.fromkeys(("ring", "decode", "order", "engine"), 0.0)
 
     def step(self) -> None:
         """One tick."""
         t = [time.perf_counter()]
-        messages = self.ring.take(50_000, 16 * 2**20)
+        messages = self.inbox.take(50_000, 16 * 2**20)
         t.append(time.perf_counter())
         entries = self.decoder.decode(messages, LATER)
         t.append(time.perf_counter())
@@ -130,20 +131,20 @@ def in_process(name: str, seconds: list[list[Message]], loops: int) -> float:
     rates: dict[str, list[float]] = {"floor": [], "chain": []}
     stage: dict[str, float] = {}
     for _ in range(3):
-        ring = Ring()
+        inbox: Inbox[Message] = Inbox()
         began = time.perf_counter()
         for second in seconds:
             for message in second:
-                ring.put(message)
-            for message in ring.take(len(second)):
+                inbox.put(message)
+            for message in inbox.take(len(second)):
                 floor(message)
         rates["floor"].append(samples / (time.perf_counter() - began))
         chain = Chain(loops)
         began = time.perf_counter()
         for second in seconds:
             for message in second:
-                chain.ring.put(message)
-            while len(chain.ring):
+                chain.inbox.put(message)
+            while len(chain.inbox):
                 chain.step()
         rates["chain"].append(samples / (time.perf_counter() - began))
         stage = chain.stage
@@ -196,7 +197,7 @@ def over_zenoh(kind: str, loops: int, seconds: int) -> float:
         for number in range(rounds):
             which = "chain" if number % 2 else "floor"
             chain = Chain(loops)
-            chain.ring = bus.ring
+            chain.inbox = bus.inbox
             done = threading.Event()
             work: Callable[[list[Message]], Any]
             if which == "floor":
@@ -215,7 +216,7 @@ def over_zenoh(kind: str, loops: int, seconds: int) -> float:
             child.stdin.flush()
             deadline = time.monotonic() + 120
             while not done.is_set():
-                messages = bus.ring.take(50_000, 16 * 2**20)
+                messages = bus.inbox.take(50_000, 16 * 2**20)
                 if not messages:
                     assert time.monotonic() < deadline, "no end"
                     time.sleep(0.0005)
@@ -230,7 +231,7 @@ def over_zenoh(kind: str, loops: int, seconds: int) -> float:
             rates[which].append(samples / (time.perf_counter() - first))
     finally:
         child.communicate("\n", timeout=30)
-        dropped = bus.ring.dropped
+        dropped = bus.inbox.dropped
         bus.close()
     best = {k: max(v) for k, v in rates.items()}
     ratio = best["chain"] / best["floor"]
@@ -266,7 +267,7 @@ def ticks(loops: int, seconds: int) -> float:
     for second in frames(loops, seconds):
         for message in second:
             now[0] += 1.0 / len(second)
-            bus.ring.put(message)
+            bus.inbox.put(message)
             began = time.perf_counter()
             service.tick()
             took.append(time.perf_counter() - began)

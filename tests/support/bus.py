@@ -7,7 +7,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from monitor.adapters.zenoh_bus import Ring, _parameters
+from monitor.adapters.inbox import Inbox
+from monitor.adapters.zenoh_bus import _parameters
 from monitor.contract.entries import Message
 
 
@@ -47,13 +48,13 @@ def _matches(wanted: list[str], key: list[str]) -> bool:
 
 
 class FakeBus:
-    """A ring to fill, questions to ask, and all that was said, in order.
+    """An inbox to fill, questions to ask, and all that was said, in order.
 
     ``on_say`` is told of each record first, and may raise as a network does; ``keep`` false forgets what was said.
     """
 
     def __init__(self, *, keep: bool = True) -> None:
-        self.ring = Ring()
+        self.inbox: Inbox[Message] = Inbox()
         self.questions: deque[Any] = deque()
         self.said: list[tuple[str, bytes, str]] = []
         self.on_say: Callable[[str, bytes], None] | None = None
@@ -69,7 +70,7 @@ class FakeBus:
 
     def put(self, key: str, payload: bytes, time: int) -> None:
         """Let a message come in that was sent at this time [ns]."""
-        self.ring.put(Message(key, payload, time))
+        self.inbox.put(Message(key, payload, time))
 
     def kinds(self, last: str) -> list[dict[str, Any]]:
         """Records of loops that were said under this last chunk."""

@@ -6,13 +6,10 @@ started directly. It never outlives this process, however that ends (Linux; else
 
 from __future__ import annotations
 
-import ctypes
 import importlib.util
 import json
 import os
-import signal
 import socket
-import subprocess
 import sys
 import tempfile
 import time
@@ -20,16 +17,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import quote
 
+from monitor.adapters.process import LINUX, end, start_foreign
+
 from .page import Page
 
 SERVER_MEMORY = "128MB"
 """What the server keeps for a browser that is opened late; the oldest samples go first."""
 
 VIEWER_MEMORY = "1GB"
-
-_LINUX = sys.platform.startswith("linux")
-_LIBC = ctypes.CDLL(None) if _LINUX else None
-_PR_SET_PDEATHSIG = 1
 
 
 class RerunError(RuntimeError):
@@ -54,7 +49,7 @@ def program() -> Path:
 
 def has_display() -> bool:
     """Whether a window could be opened here."""
-    return not _LINUX or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return not LINUX or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 class RerunProcess:
@@ -66,14 +61,8 @@ class RerunProcess:
         self.proxy = f"rerun+http://127.0.0.1:{ports[0]}/proxy"
         self.url = self.proxy
         self.page: Page | None = None
-        self.process = subprocess.Popen(  # noqa: S603 - our own program and arguments
-            [str(program()), "--bind", "127.0.0.1", "--port", str(ports[0]), *arguments],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=self._errors,
-            env=self._environment(),
-            preexec_fn=_follow_parent if _LINUX else None,  # noqa: PLW1509 - one system call, no lock
-        )
+        line = [str(program()), "--bind", "127.0.0.1", "--port", str(ports[0]), *arguments]
+        self.process = start_foreign(line, environment=self._environment(), errors=self._errors)
         try:
             self._await(ports, deadline)
         except RerunError:
@@ -89,13 +78,7 @@ class RerunProcess:
         if self.page is not None:
             self.page.stop()
             self.page = None
-        if self.alive():
-            self.process.terminate()
-            try:
-                self.process.wait(patience)
-            except subprocess.TimeoutExpired:
-                self.process.kill()
-        self.process.wait()
+        end(self.process, patience)
         self._errors.close()
         self._settings.cleanup()
 
@@ -182,9 +165,3 @@ def _answers(port: int) -> bool:
     with socket.socket() as s:
         s.settimeout(0.5)
         return s.connect_ex(("127.0.0.1", port)) == 0
-
-
-def _follow_parent() -> None:
-    """Between fork and exec: the kernel ends this child with the thread that started it."""
-    if _LIBC is not None:
-        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # a milder one would wait in a program that is stopped

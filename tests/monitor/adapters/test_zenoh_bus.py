@@ -8,10 +8,8 @@ import time
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from monitor.adapters.zenoh_bus import Bus, BusError, Ring, _parameters, ask, open_session, plant_put
+from monitor.adapters.zenoh_bus import Bus, BusError, _parameters, ask, open_session, plant_put
 from monitor.contract.entries import Message
 from tests.support.waiting import free_port, until
 
@@ -36,53 +34,7 @@ def client(bus, endpoint):  # noqa: ARG001 (there has to be somebody to connect 
 
 
 # ---------------------------------------------------------------------------------------------------
-# the ring
-
-
-@given(
-    st.lists(st.one_of(st.integers(0, 40), st.just("take")), max_size=60),
-    st.integers(1, 8),
-    st.integers(1, 100),
-    st.integers(1, 5),
-    st.integers(1, 80),
-)
-def test_the_ring_against_a_list(steps, most, most_bytes, at_once, at_once_bytes):
-    """Oldest dropped and counted, bytes and messages bounded, what is taken is the oldest in order."""
-    ring = Ring(most_bytes, most)
-    twin: list[bytes] = []
-    received = dropped = taken = 0
-    for number, step in enumerate(steps):
-        if step == "take":
-            got = [m.payload for m in ring.take(at_once, at_once_bytes)]
-            expected: list[bytes] = []
-            while twin and len(expected) < at_once and sum(map(len, expected)) < at_once_bytes:
-                expected.append(twin.pop(0))
-            assert got == expected
-            taken += len(got)
-        else:
-            payload = bytes([number % 256]) * step
-            ring.put(Message("k", payload, 0))
-            received += 1
-            twin.append(payload)
-            while len(twin) > most or sum(map(len, twin)) > most_bytes:
-                twin.pop(0)
-                dropped += 1
-        assert (ring.received, ring.dropped, len(ring)) == (received, dropped, len(twin))
-        assert ring._bytes == sum(map(len, twin))
-    assert received == taken + dropped + len(twin)
-
-
-def test_the_ring_between_threads():
-    """A producer and a consumer: nothing lost, nothing twice, in order."""
-    ring = Ring()
-    n = 20_000
-    producer = threading.Thread(target=lambda: [ring.put(Message("k", b"x", k)) for k in range(n)])
-    producer.start()
-    got: list[int] = []
-    until(lambda: got.extend(m.time for m in ring.take(100)) or len(got) == n)
-    producer.join()
-    assert got == list(range(n))
-    assert ring.dropped == 0
+# questions
 
 
 @pytest.mark.parametrize("text", ["a=1&b=2=3", "a=1;b=2=3", ";a=1;;b=2=3&"])
@@ -123,12 +75,12 @@ def test_messages_come_with_key_bytes_and_time(bus, client):
     """Key, payload and the bus's timestamp; what a monitor says itself is not heard."""
     bus.subscribe(["**"], lambda: 7)
     put = plant_put(client)
-    until(lambda: put("plant/x", b"\x00\xff") or len(bus.ring))
+    until(lambda: put("plant/x", b"\x00\xff") or len(bus.inbox))
     bus.say("loopsight/x", b"own", "text/plain")
     client.put("loopsight/plant/x/event", b"another monitor's")
     client.put("plant/end", b"")
     heard: list[Message] = []
-    until(lambda: heard.extend(bus.ring.take(100)) or (heard and heard[-1].key == "plant/end"))
+    until(lambda: heard.extend(bus.inbox.take(100)) or (heard and heard[-1].key == "plant/end"))
     assert {m.key for m in heard} == {"plant/x", "plant/end"}
     assert heard[0].payload == b"\x00\xff"
     assert abs(heard[0].time - time.time_ns()) < 60e9

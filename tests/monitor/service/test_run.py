@@ -98,11 +98,11 @@ def test_live_over_zenoh_equals_batch(plant, expected, endpoint, tmp_path, paylo
         service = Service(Config(loops=str(table)), read_loop_table(table), bus, store, heard=records.append)
         bus.subscribe(["plant/**"], time.time_ns)
         put = plant_put(sender)
-        until(lambda: put("plant/hello", b"{}") or bus.ring.received)
-        before = bus.ring.received
+        until(lambda: put("plant/hello", b"{}") or bus.inbox.received)
+        before = bus.inbox.received
         thread = threading.Thread(target=lambda: [put(*messages[k]) for k in late])
         thread.start()
-        until(lambda: service.tick() < 0 or bus.ring.received - before >= len(messages))
+        until(lambda: service.tick() < 0 or bus.inbox.received - before >= len(messages))
         thread.join()
         service.finish()
         status = service.status()
@@ -414,8 +414,8 @@ def test_a_tick_that_stalls_does_not_slow_the_publishers(endpoint):
             timeout=PATIENCE,
         )
         longest, n = float(done.stdout.split()[0]), int(done.stdout.split()[1])
-        until(lambda: bus.ring.received == n)
-        assert bus.ring.dropped == 0
+        until(lambda: bus.inbox.received == n)
+        assert bus.inbox.dropped == 0
     finally:
         bus.close()
     print(f"longest put {longest * 1e3:.2f} ms of {n}")

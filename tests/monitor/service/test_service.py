@@ -658,8 +658,8 @@ def test_a_backlog_is_worked_off_in_pieces_without_loss(bench):
     for key, payload in a_step():
         b.bus.put(key, payload + blank, SENT)
     b.tick()
-    assert 0 < len(b.bus.ring) < 400
-    while len(b.bus.ring):
+    assert 0 < len(b.bus.inbox) < 400
+    while len(b.bus.inbox):
         b.tick()
     b.service.finish()
     assert b.service.status()["samples_ok"] == 400
@@ -671,7 +671,7 @@ def test_finish_ends_under_a_publisher_that_never_pauses(bench):
     b = bench(one_loop())
     step = a_step()
     feed(b, step[:100])
-    take = b.bus.ring.take
+    take = b.bus.inbox.take
     more = iter(range(10**6))
 
     def take_and_refill(*args: Any) -> Any:
@@ -684,7 +684,7 @@ def test_finish_ends_under_a_publisher_that_never_pauses(bench):
 
     for message in step[100:260]:
         b.bus.put(*message, SENT)
-    b.bus.ring.take = take_and_refill
+    b.bus.inbox.take = take_and_refill
     b.service.finish()
     assert [r["state"] for r in b.bus.kinds("event")][-1] in {"settled", "interrupted"}
     assert b.store.counts()["assessment"] == 1
@@ -698,7 +698,7 @@ def test_finish_ends_in_an_upset(bench):
         for name in names:
             b.bus.put(f"plant/{name}", payload, SENT)
     b.tick()
-    while len(b.bus.ring):
+    while len(b.bus.inbox):
         b.tick()
     assert b.service.status()["loops"]["open"] == 40
     clock = iter(range(10**6))

@@ -183,7 +183,7 @@ def test_a_full_disk_leaves_the_old_one(tmp_path, monkeypatch):
     def full(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("monitor.service.snapshot.os.fsync", full)
+    monkeypatch.setattr("monitor.adapters.files.os.fsync", full)
     first.feed(range(221, 235))
     assert (tmp_path / "open.npz").read_bytes() == before
     first.kill()

@@ -8,18 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from monitor.contract.entries import Message
 from monitor.contract.evidence import Pane
-from monitor.view.feed import LOG_LINES, QUESTIONS, QUIET, Feed, Inbox
+from monitor.view.feed import LOG_LINES, QUESTIONS, QUIET, Feed
 from tests.support.fake_monitor import Loop, arrow, assessment, demo_loops, row, trend_payload, window_payload
-
-
-def test_inbox_forgets_the_oldest_and_counts() -> None:
-    inbox = Inbox(3)
-    for i in range(10):
-        inbox.put(str(i), b"")
-    assert [m.key for m in inbox.take()] == ["7", "8", "9"]
-    assert inbox.dropped == 7
-    assert inbox.take() == []
 
 
 class Listener:
@@ -73,7 +65,8 @@ def feed() -> Feed:
 
 
 def say(feed: Feed, key: str, payload: bytes | dict[str, Any]) -> None:
-    feed.inbox.put(key, json.dumps(payload).encode() if isinstance(payload, dict) else payload)
+    content = json.dumps(payload).encode() if isinstance(payload, dict) else payload
+    feed.inbox.put(Message(key, content, 0))
 
 
 def test_hears_the_monitor_and_never_the_plant(feed: Feed) -> None:

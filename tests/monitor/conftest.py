@@ -49,3 +49,8 @@ def watched() -> tuple[list[LoopSpec], Engine, Seen]:
     specs = demo(0)
     engine, seen = watch(specs, 3600.0)
     return specs, engine, seen
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "data.csv"

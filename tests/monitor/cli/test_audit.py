@@ -7,7 +7,6 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
 from tests.monitor.audit.tools import command, step_test
@@ -62,20 +61,6 @@ def test_bad_loop_table_names_each_problem(tmp_path: Path) -> None:
     assert result.exit_code == 2
     assert len(result.stderr.splitlines()) == 2
     assert "t.csv:2: ti: '-1', expected seconds above 0" in result.stderr
-
-
-def test_command_shows_the_worst_first_and_where_the_files_are(
-    fleet_data: pd.DataFrame, table: Path, tmp_path: Path
-) -> None:
-    fleet_data.to_parquet(tmp_path / "d.parquet")
-    result = command(tmp_path / "d.parquet", "--loops", table, "--out", tmp_path / "out")
-    assert result.exit_code == 0
-    assert result.stderr == ""
-    lines = result.stdout.splitlines()
-    assert lines[0].split() == ["verdict", "loop", "CI", "Ms", "why", "new", "settings"]
-    assert "5 loops, 10 events, 4500 of 4500 samples used" in lines[-2]
-    assert lines[-1].endswith("out/: loops.csv, loops.parquet, events.parquet, audit.json")
-    assert max(map(len, lines)) <= 140
 
 
 def test_help_and_import_are_light() -> None:

@@ -6,11 +6,11 @@ import csv
 import os
 import signal
 import subprocess
-import sys
 
 import pyarrow.parquet as pq
 import pytest
 
+from tests.monitor.service.tools import command
 from tests.support.processes import children, gone
 from tests.support.waiting import PATIENCE, until
 
@@ -98,10 +98,6 @@ LOOPS = [
 ]
 
 
-def command(*options: str) -> list[str]:
-    return [sys.executable, "-m", "monitor", "demo", "--view", "none", *options]
-
-
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
     """A run of eight seconds at 300 times real time: its output, its tables, and the plant's process."""
@@ -183,17 +179,3 @@ def test_however_it_ends_the_plant_ends_too(number):
     assert code == (-signal.SIGKILL if number == signal.SIGKILL else 0)
     until(lambda: all(gone(p) for p in plants))
     started.stdout.close()
-
-
-def test_a_folder_that_cannot_be_written_is_one_line(tmp_path):
-    """Said before the demo runs, or at its end, but never as a traceback."""
-    (tmp_path / "x").write_text("")
-    done = subprocess.run(
-        command("--seconds", "1", "--out", str(tmp_path / "x" / "y")),
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=PATIENCE,
-    )
-    assert done.returncode == 2
-    assert len(done.stderr.splitlines()) == 1

@@ -119,7 +119,7 @@ def test_stop_leaves_no_process(fake: FakeMonitor) -> None:
     """The web page answers on loopback; after stop neither the view nor Rerun's server run."""
     view = start_view(fake.endpoint, "web")
     assert view.url.startswith("http://127.0.0.1:")
-    with urllib.request.urlopen(view.url, timeout=PATIENCE) as page:  # noqa: S310
+    with urllib.request.urlopen(view.url, timeout=PATIENCE) as page:
         assert page.status == 200
     servers = children(view.pid)
     assert len(servers) == 1

@@ -21,14 +21,14 @@ def test_telemetry_is_off() -> None:
     """Rerun's program is told so, for this child alone; the browser may talk to this machine only."""
     server = rerun_process.serve_web()
     try:
-        with urllib.request.urlopen(server.url, timeout=PATIENCE) as page:  # noqa: S310
+        with urllib.request.urlopen(server.url, timeout=PATIENCE) as page:
             rules = page.headers["Content-Security-Policy"]
         assert "default-src 'self'" in rules
         sources = [word for rule in rules.split(";") for word in rule.split()[1:] if "//" in word]
         assert sources == [server.proxy.removeprefix("rerun+").removesuffix("/proxy")]
-        posing = urllib.request.Request(server.url, headers={"Host": "evil.example"})  # noqa: S310
+        posing = urllib.request.Request(server.url, headers={"Host": "evil.example"})
         with pytest.raises(urllib.error.HTTPError, match="403") as refused:
-            urllib.request.urlopen(posing, timeout=PATIENCE)  # noqa: S310
+            urllib.request.urlopen(posing, timeout=PATIENCE)
         refused.value.close()
         facts = msgspec.json.decode((Path(server._settings.name) / "rerun" / "analytics.json").read_bytes())
         assert facts["analytics_enabled"] is False

@@ -71,7 +71,7 @@ def test_recording_is_served(tmp_path: Path, loop: Loop) -> None:
     process = subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, text=True)
     view = ViewProcess(process)
     try:
-        with urllib.request.urlopen(view.url, timeout=PATIENCE) as page:  # noqa: S310
+        with urllib.request.urlopen(view.url, timeout=PATIENCE) as page:
             assert page.status == 200
     finally:
         process.send_signal(signal.SIGINT)

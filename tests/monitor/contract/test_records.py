@@ -1,0 +1,21 @@
+"""Ids of events."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from monitor.contract.records import event_id
+
+
+@given(st.text(), st.integers(-(2**63), 2**63 - 1), st.text(), st.integers(-(2**63), 2**63 - 1))
+def test_an_id_is_of_loop_and_onset_alone(loop, onset, other, later):
+    """Sixteen hexadecimal digits, the same in any process; another loop or another time has another one."""
+    assert len(event_id(loop, onset)) == 16
+    assert int(event_id(loop, onset), 16) >= 0
+    assert (event_id(loop, onset) == event_id(other, later)) == ((loop, onset) == (other, later))
+
+
+def test_an_id_stays_what_it_is():
+    """Stored records and audits of years ago bear it."""
+    assert event_id("LIC-101", 1_767_225_600 * 10**9) == "55e5fb42a1b2533d"

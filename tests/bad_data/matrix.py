@@ -163,7 +163,7 @@ ROWS: dict[int, tuple[str, tuple[str, ...]]] = {
     )),
     54: ("slow consumer", (
         "test_a_consumer_that_is_too_slow_loses_the_oldest_and_counts",
-        "test_the_ring_against_a_list",
+        "test_the_inbox_against_a_list",
         "test_a_tick_that_stalls_does_not_slow_the_publishers",
     )),
     55: ("killed", (

@@ -63,7 +63,13 @@ def stacked(settings: list[Settings]) -> Settings:
 
 
 def rounded(value: float) -> float:
-    """Three significant digits: nobody types more, and the robustness stated is that of what is typed."""
+    """Three significant digits: nobody types more, and the robustness stated is that of what is typed.
+
+    Examples
+    --------
+    >>> rounded(2.30517)
+    2.31
+    """
     return float(f"{value:.3g}") if math.isfinite(value) else value
 
 

@@ -78,6 +78,13 @@ def reference_settings(model: Model, structure: str, tc: FloatOrArray) -> Settin
     ------
     ValueError
         The rule cannot serve this model (a self-regulating process that is dead time alone).
+
+    Examples
+    --------
+    >>> model = IntegratingModel(gain=0.05, dead_time=4.0)
+    >>> settings = reference_settings(model, "pi", tc=4.0)
+    >>> settings.kp, settings.ti
+    (2.5, 32.0)
     """
     if structure == "p":
         # the P part of the PD on all lags as dead time (derived)
@@ -101,6 +108,12 @@ def reference_iae(  # noqa: PLR0911 (one return for each formula)
     Self-regulating with ``tau <= 4(tc + theta)``: ``|Ar|(tc + theta)`` and ``|mu|(tc + theta)|Ad|``; slower
     ones: load ``4|mu|(tc + theta)^2 |Ad|/tau``, set point by simulation. Other weights b, c: by simulation.
     NaN where no reference exists (no integral action under load).
+
+    Examples
+    --------
+    >>> model = IntegratingModel(gain=1.0, dead_time=1.0)
+    >>> round(reference_iae(LOAD, 1.0, model, "pid", tc=1.0, b=1.0, c=1.0), 3)
+    16.0
     """
     reduced_model = reduced(model, structure)
     theta, gain = float(reduced_model.dead_time), abs(float(reduced_model.gain))

@@ -38,6 +38,14 @@ def parse_row(row: Mapping[str, Any], forms: Sequence[str] = FORMS) -> tuple[Loo
 
     Returns the loop, or None, and what is wrong with the row: ``field: value, expected …``.
     ``forms`` names what the column ``form`` may hold. Unknown columns are left alone.
+
+    Examples
+    --------
+    >>> loop, wrong = parse_row({"name": "LIC-101", "kp": "2,5", "ti": "80"})
+    >>> loop.kp, loop.ti, wrong
+    (2.5, 80.0, [])
+    >>> parse_row({"name": "LIC-101", "kp": "0"})[1]
+    ["kp: '0', expected a number other than 0, signed: op = kp (sp - pv) + ..."]
     """
     wrong: list[str] = []
     facts: dict[str, Any] = {}

@@ -26,7 +26,14 @@ class LoopTableError(ValueError):
 
 
 class Loop(msgspec.Struct, frozen=True, kw_only=True):
-    """One loop. Names, units and defaults are those of the loop table's columns; None = not known."""
+    """One loop. Names, units and defaults are those of the loop table's columns; None = not known.
+
+    Examples
+    --------
+    >>> loop = Loop(name="LIC-101", kp=2.5, ti=80.0, op_low=0.0, op_high=100.0)
+    >>> loop.structure, loop.op_span
+    ('pi', 100.0)
+    """
 
     name: str
     key: str = ""
@@ -95,7 +102,14 @@ def offset_intended(loop: Loop) -> bool:
 
 
 class LoopTable:
-    """All loops, found by row, name or key."""
+    """All loops, found by row, name or key.
+
+    Examples
+    --------
+    >>> table = LoopTable([Loop(name="LIC-101"), Loop(name="PIC-205", key="plant/area1/PIC-205")])
+    >>> table.by_name["PIC-205"], table[0].key
+    (1, 'plant/LIC-101')
+    """
 
     def __init__(self, loops: Iterable[Loop]) -> None:
         self.loops: list[Loop] = []
@@ -146,7 +160,15 @@ class LoopTable:
 
 
 def default_key(name: str) -> str:
-    """Return ``plant/<name>`` with all that Zenoh gives a meaning percent-encoded."""
+    """Return ``plant/<name>`` with all that Zenoh gives a meaning percent-encoded.
+
+    Examples
+    --------
+    >>> default_key("LIC-101")
+    'plant/LIC-101'
+    >>> default_key("U1/LIC*")
+    'plant/U1%2FLIC%2A'
+    """
 
     def encode(match: re.Match[str]) -> str:
         return "".join(f"%{byte:02X}" for byte in match.group().encode())

@@ -34,7 +34,13 @@ def opc_quality(codes: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def quality_of(code: float | str | None) -> int:
-    """Return the OPC byte of one quality, as a code, a word or a bool; nothing and an empty text are good."""
+    """Return the OPC byte of one quality, as a code, a word or a bool; nothing and an empty text are good.
+
+    Examples
+    --------
+    >>> quality_of(192), quality_of(None)
+    (192, 192)
+    """
     if code is None or code == "":
         return QUALITY_GOOD
     if isinstance(code, bool):

@@ -20,7 +20,13 @@ TIMES = ("start", "end")
 
 
 def event_id(loop: str, onset: int) -> str:
-    """Id of the event that the loop's sample at ``onset`` [ns] opened: the same live and in any audit."""
+    """Id of the event that the loop's sample at ``onset`` [ns] opened: the same live and in any audit.
+
+    Examples
+    --------
+    >>> event_id("LIC-101", 1_795_341_600_000_000_000)
+    '1cf80f3ad537f012'
+    """
     return hashlib.blake2b(f"{loop}\n{onset}".encode(), digest_size=8).hexdigest()
 
 

@@ -64,6 +64,13 @@ class Samples:
         ------
         ValueError
             A column's length differs from that of ``time``.
+
+        Examples
+        --------
+        >>> second = 10**9
+        >>> samples = Samples.of(loop=0, time=[0, second], sp=50.0, pv=[49.9, 50.1], op=30.0)
+        >>> len(samples), samples.sp, samples.auto
+        (2, array([50., 50.]), array([ True,  True]))
         """
         t = np.ascontiguousarray(time, dtype=np.int64)
         n = len(t)

@@ -22,5 +22,11 @@ def visible(text: object, most: int | None = None) -> str:
 
 
 def short(line: str) -> str:
-    """Return a line with its middle left out where it is longer than 120 characters."""
+    """Return a line with its middle left out where it is longer than 120 characters.
+
+    Examples
+    --------
+    >>> short("LIC-101: " + 200 * "x").count("x")
+    101
+    """
     return line if len(line) <= 120 else f"{line[:60]}...{line[-50:]}"

@@ -13,7 +13,13 @@ EARLIEST, LATEST = 86_400 * 10**9, 9_200_000_000 * 10**9
 
 
 def seconds_to_ns(seconds: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Epoch seconds to ns, rounded to the microsecond that a float can hold; 0 where they are none."""
+    """Epoch seconds to ns, rounded to the microsecond that a float can hold; 0 where they are none.
+
+    Examples
+    --------
+    >>> seconds_to_ns(np.array([1.5, np.nan]))
+    array([1500000000,          0])
+    """
     usable = np.isfinite(seconds) & (np.abs(seconds) < LATEST * 1e-9)
     return np.round(np.where(usable, seconds, 0.0) * 1e6).astype(np.int64) * 1000
 
@@ -28,6 +34,15 @@ def time_of(value: float | str | None, default: int) -> int:
     ------
     ValueError
         Text that is no time.
+
+    Examples
+    --------
+    >>> time_of("2026-11-22T10:00:00.250Z", default=0)
+    1795341600250000000
+    >>> time_of(1.5, default=0)
+    1500000000
+    >>> time_of(None, default=7)  # the time of arrival, say
+    7
     """
     if value is None:
         return default
@@ -42,7 +57,13 @@ def time_of(value: float | str | None, default: int) -> int:
 
 
 def iso(time: int) -> str:
-    """Return a time [ns since 1970] as ISO 8601 with Z."""
+    """Return a time [ns since 1970] as ISO 8601 with Z.
+
+    Examples
+    --------
+    >>> iso(1_795_341_600_250_000_000)
+    '2026-11-22T10:00:00.250000Z'
+    """
     return str(np.datetime_as_string(np.datetime64(time, "ns"), unit="us")) + "Z"
 
 

@@ -51,6 +51,11 @@ def is_stale(silence: Any, period: Any, patience: Patience) -> NDArray[np.bool_]
         From the last good sample to now: the newest sample's time, or a clock's [s].
     period
         Of the samples [s]; 0 where it is not known.
+
+    Examples
+    --------
+    >>> is_stale(silence=np.array([5.0, 40.0]), period=np.array([1.0, 10.0]), patience=LIVE)
+    array([False,  True])
     """
     least = np.maximum(SILENT_PERIODS * np.asarray(period), patience.least)
     return np.asarray(silence > np.where(np.asarray(period) > 0, least, patience.unknown))

@@ -40,7 +40,13 @@ def escape(text: object, most: int = 200) -> str:
 
 
 def number(value: object, digits: int = 3) -> str:
-    """Write a figure with ``digits`` significant digits; ``–`` where there is none."""
+    """Write a figure with ``digits`` significant digits; ``–`` where there is none.
+
+    Examples
+    --------
+    >>> number(0.023456), number(None)
+    ('0.0235', '–')
+    """
     if isinstance(value, bool) or not isinstance(value, (int, float)) or math.isnan(value):
         return "–"
     if math.isinf(value):

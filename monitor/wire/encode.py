@@ -23,7 +23,13 @@ _encoder = msgspec.json.Encoder()
 
 
 def to_json(fields: dict[str, Any]) -> bytes:
-    """Encode with ``schema``; NaN and infinity become null, times ISO text."""
+    """Encode with ``schema``; NaN and infinity become null, times ISO text.
+
+    Examples
+    --------
+    >>> to_json({"loop": "LIC-101", "ci": float("nan")})
+    b'{"schema":1,"loop":"LIC-101","ci":null}'
+    """
     clean = {k: iso(v) if k in TIMES and isinstance(v, int) else _clean(v) for k, v in fields.items()}
     return _encoder.encode({"schema": SCHEMA, **clean})
 

@@ -50,6 +50,11 @@ def layout_of(headings: Sequence[str], path: Path, names: Collection[str] = ()) 
     ------
     ValueError
         None of the layouts fits, or a heading that is needed stands there twice.
+
+    Examples
+    --------
+    >>> layout_of(["Time", "LIC-101.SP", "LIC-101.PV", "LIC-101.OP"], Path("export.csv")).kind
+    'wide'
     """
     by_key: dict[str, str] = {}
     for heading in headings:

@@ -153,7 +153,7 @@ def small() -> tuple[list[Loop], Samples, list[Any]]:
     return loops, samples, plain(engine.step(samples) + engine.flush())
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(cuts=st.lists(st.integers(0, 5000), max_size=12))
 def test_any_batching_gives_the_same_records(small, cuts):
     """Bit-equal records in the same order for any chunking, assessed at once or later."""
@@ -247,7 +247,7 @@ def test_a_rule_named_in_the_loop_table_is_used():
     assert all(row.new_ms_worst is not None and row.new_ms_worst <= 2.2 for row in rows)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     wrong=st.sampled_from([1.0, 3.0, 30.0]),
     ti=st.sampled_from([3.0, 300.0, math.inf]),

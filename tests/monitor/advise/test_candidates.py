@@ -56,7 +56,7 @@ def test_noise_takes_from_the_derivative_first():
     assert loud.ms_worst <= 2.2
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     sd=st.tuples(st.floats(0.005, 0.4), st.floats(0.01, 3.0), st.floats(0.01, 3.0)),
     lag=st.floats(0.0, 20.0),

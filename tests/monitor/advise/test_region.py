@@ -35,7 +35,7 @@ def test_the_region_holds_what_the_data_allow():
     assert found(region) == IntegratingModel(gain[:1], dead_time[:1], lag[:1])
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     gain=st.floats(1e-6, 1e6),
     lag=st.floats(0.0, 1e4),

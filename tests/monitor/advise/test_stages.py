@@ -49,7 +49,7 @@ def test_large_changes_come_in_stages():
         assert peak_sensitivity(held(model_of(make_fit()), PERIOD), stage) <= max(loop.ms_max, advice.ms)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(product=st.floats(0.3, 1.2), share=st.floats(0.1, 0.4))
 def test_every_stage_of_a_rolling_loop_is_stable(product, share):
     """With too much integral action the way matters: no stage is worse than today or the limit."""

@@ -23,7 +23,7 @@ from tuners.models import SELF_REGULATING, IntegratingModel
 from tuners.robustness import peak_sensitivity
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     gain=st.floats(1e-3, 1.0),
     sign=st.sampled_from([-1.0, 1.0]),
@@ -267,7 +267,7 @@ def test_a_proportional_loop_is_left_alone_where_nothing_is_gained():
     assert again.fine_as_it_is
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     process=st.sampled_from(["integrating", SELF_REGULATING]),
     gain=st.floats(1e-6, 1e6),

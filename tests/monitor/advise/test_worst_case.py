@@ -56,7 +56,7 @@ def test_the_compiled_figure_is_the_exact_one():
     assert 500 < stable < 1400
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 10_000), st.floats(1.3, 3.0))
 def test_bisection_finds_what_a_look_at_all_finds(seed, ms_max):
     """The first candidate that is safe for all models, by the exact Ms of each."""

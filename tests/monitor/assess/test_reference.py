@@ -98,7 +98,7 @@ def test_other_weights_are_simulated(b, c):
     assert found == pytest.approx(closed_loop_response(model, rule).iae, rel=0.03)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     gain=st.floats(1e-4, 10),
     theta=st.floats(0.5, 50),

@@ -33,7 +33,7 @@ def test_running_integrals_equal_their_naive_twin():
         assert getattr(event, name) == pytest.approx(value, rel=1e-9), name
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(cuts=st.lists(st.integers(0, 20_000), max_size=30))
 def test_any_batching_gives_the_same_events(fleet, cuts):
     """Bit-equal events and windows, and at every cut exactly those that a single batch had found by then."""
@@ -66,7 +66,7 @@ def test_sample_by_sample_equals_one_batch(fleet):
     assert whole
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     a=st.floats(1e-3, 1e3),
     b=st.floats(-1e4, 1e4),

@@ -18,7 +18,7 @@ from tests.support.detection import columns_of, detected, events_of, openings_of
 from tests.support.plants import SECOND, START, pi_loop, times
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(n=st.integers(WINDOW + 200, 9000), seed=st.integers(0, 1000))
 def test_thinning_keeps_the_integral_of_op(n, seed):
     """However often the window is halved, OP's integral over it is that of the samples, on uneven times."""
@@ -93,7 +93,7 @@ def test_an_upset_of_the_whole_plant():
 ACTS = ("step", "ramp", "gap", "manual", "spike", "rest", "blip", "bad")
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     plan=st.lists(st.tuples(st.sampled_from(ACTS), st.integers(1, 60)), min_size=5, max_size=40),
     seed=st.integers(0, 99),

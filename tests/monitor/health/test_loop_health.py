@@ -43,7 +43,7 @@ def test_a_permanent_offset_is_one_that_never_goes_away():
     assert not health(50.0, wander, 30.0).settled_offset
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.floats(-3, 3), st.floats(-1, 1))
 def test_the_unit_of_pv_does_not_matter(power, shift):
     """Figures in PV scale, the others stay."""
@@ -62,7 +62,7 @@ def test_the_unit_of_pv_does_not_matter(power, shift):
             ), name
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     st.integers(0, 2**31),
     st.sampled_from([0.0, 1e-300, 1e-9, 1.0, 1e9, 9e29]),

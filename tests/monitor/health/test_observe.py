@@ -13,7 +13,7 @@ from monitor.health.observe import HEALTH
 from tests.monitor.health.tools import look, mixed, run
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.integers(1, 400))
 def test_chunks_do_not_matter(chunk):
     """The sums are the same to the bit however the samples were cut."""

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from monitor.identify.projection import blocks
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(n=st.integers(12, 900), most=st.integers(10, 300), seed=st.integers(0, 1000))
 def test_blocks_keep_the_integral_of_op(n, most, seed):
     """However a window is thinned: OP's integral at each block's start is that of all points, PV the mean."""

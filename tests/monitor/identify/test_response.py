@@ -11,7 +11,7 @@ from monitor.identify.response import response as fast_response
 from tests.support.twins import response
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     steps=st.lists(st.floats(0.05, 1.5), min_size=6, max_size=25),
     kind=st.sampled_from([0, 1]),
@@ -53,7 +53,7 @@ def test_response_to_a_step_is_the_textbooks():
     np.testing.assert_allclose(fast_response(t, u, 1, 7.5, 4.0, 0.0), 1 - np.exp(-after / 4.0), atol=1e-12)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     kind=st.sampled_from([0, 1]),
     onset=st.integers(0, 20),

@@ -48,7 +48,7 @@ def test_a_positive_offset_and_slope_do_not_matter():
         assert getattr(moved, name) == pytest.approx(getattr(plain, name), rel=1e-3), name
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(a=st.floats(1e-3, 1e3), c=st.floats(1e-3, 1e3), seed=st.integers(0, 20))
 def test_fit_scales_with_its_units(a, c, seed):
     """PV times a, OP times c: gain times a/c, times and quality unchanged."""

@@ -152,7 +152,7 @@ def assert_same(found: dict[str, list[Assessment]], expected: dict[str, list[Ass
 
 @pytest.mark.parametrize("payload", ["tag", "sample", "frame"])
 @given(seed=st.integers(0, 2**32 - 1), pieces=st.integers(0, 60))
-@settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=5, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_live_equals_batch(plant, bench, payload, seed, pieces):
     """Tags, samples or frames, in any batches, disturbed within the window: the engine's records, bit by bit."""
     loops, block, expected = plant
@@ -443,7 +443,7 @@ KEY = st.lists(
 
 
 @given(KEY, st.text(alphabet="since=until&;limt0123456789-+:TZe.\u202e", max_size=40))
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_query_has_an_answer_or_a_refusal(asked, chunks, parameters):
     """Whatever is asked: replies that match the question, under the prefix, or one line."""
     question = asked.ask("/".join(chunks), parameters)
@@ -590,7 +590,7 @@ def test_registration_is_bounded_and_off_with_a_table(bench, monkeypatch):
         max_size=30,
     )
 )
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_no_message_stops_the_service_or_leads_out_of_the_prefix(bench, messages):
     """Anything under any key: ticks go on, and all that is ever put lies under the prefix."""
     b = bench()

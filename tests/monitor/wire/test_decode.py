@@ -206,7 +206,7 @@ JSON = st.recursive(
 
 
 @given(KEYS, st.binary(max_size=300))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_any_bytes(key, payload):
     """Random bytes under any key."""
     out, decoder = decode((key, payload))
@@ -215,7 +215,7 @@ def test_any_bytes(key, payload):
 
 
 @given(st.lists(st.tuples(KEYS, JSON), min_size=1, max_size=5))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_any_json(drawn):
     """JSON of any shape: each message is one entry, one cause, or settings."""
     messages = [(key, json.dumps(value).encode()) for key, value in drawn]
@@ -224,7 +224,7 @@ def test_any_json(drawn):
 
 
 @given(st.lists(st.sampled_from(range(8)), min_size=1, max_size=30), st.randoms(use_true_random=False))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_counters_add_up(kinds, rng):
     """Whatever comes in: every sample is in the output or in exactly one cause."""
     came = 0

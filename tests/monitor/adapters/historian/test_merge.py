@@ -29,7 +29,7 @@ from tests.monitor.adapters.historian.tools import (
 )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1), files=st.integers(1, 4), repeats=st.integers(0, 30))
 def test_shuffled_split_and_repeated_rows_change_nothing(
     tmp_path_factory: pytest.TempPathFactory, seed: int, files: int, repeats: int

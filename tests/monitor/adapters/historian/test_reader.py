@@ -84,7 +84,7 @@ def test_missing_file_says_so(tmp_path: Path) -> None:
         inspect(tmp_path / "none.csv")
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(data=st.data())
 def test_flipped_bytes_never_crash(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     """A damaged file is read, counted or refused; nothing else is raised."""

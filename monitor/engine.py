@@ -7,8 +7,10 @@ batched: detection works sample by sample, and a loop's assessment rests on that
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monitor.assess.event import Finding, assess_event
 from monitor.assess.reference import SETPOINT
@@ -24,6 +26,7 @@ from monitor.identify.direct import model_response
 from monitor.verdict.history import LoopHistory
 from monitor.verdict.parts import Tuning
 from monitor.verdict.row import loop_row, says_new, worst_first
+from monitor.verdict.stale import LastSample, LastSamples
 
 
 class Engine:
@@ -71,6 +74,7 @@ class Engine:
         """
         records = self._finish(row, BY_SETTINGS)
         self.loops.replace(row, loop)
+        self.detector.set_limits(row, self.loops[row])
         history = self._histories.get(row)
         if history is not None:
             history.retune(self.loops[row], int(self.detector.state["time"][row]) + 1)
@@ -193,13 +197,36 @@ class Engine:
         history = self._histories.get(row)
         return None if history is None else history.verdict
 
-    def is_open(self, row: int) -> bool:
-        """Whether an event of this loop is open."""
-        return bool(self.detector.state["slot"][row] >= 0)
+    def open_rows(self) -> NDArray[np.intp]:
+        """Return the rows of the loops with an open event."""
+        return self.detector.open_rows
+
+    def last_samples(self) -> LastSamples:
+        """Return how all loops' samples ended, as of now."""
+        state = self.detector.state
+        counts = (state[name] for name in ("ok", "bad_value", "bad_quality", "spoilt"))
+        return LastSamples(state["time"], state["period"], *counts)
+
+    def last_sample(self, row: int) -> LastSample:
+        """Return how a loop's samples ended."""
+        return LastSample(*(column[row].item() for column in self.last_samples()))
 
     def counts(self) -> dict[str, int]:
         """Return what became of all samples, by cause."""
         return {name: int(self.detector.state[name].sum()) + self._retired[name] for name in COUNTS}
+
+    # -- open events that outlive the process -------------------------------------------------------
+
+    def known(self, rows: NDArray[np.intp]) -> dict[str, NDArray[Any]]:
+        """Copy all that is known of loops with an open event: plain arrays with a row for each loop.
+
+        Among them ``onset``, of its event [ns since 1970]. For no loops: the layouts alone.
+        """
+        return self.detector.known(rows)
+
+    def adopt(self, row: int, known: dict[str, Any]) -> None:
+        """Go on with a loop whose event was open when another engine ended: its row of each array of `known`."""
+        self.detector.adopt(row, known)
 
 
 def _closing(record: Assessment) -> Event:

@@ -26,7 +26,7 @@ from monitor.adapters.historian.source import Source
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment, LoopRow, Record
 from monitor.engine import Engine
-from monitor.verdict.stale import LastSample, last_of
+from monitor.verdict.stale import LastSample
 
 MOST_ROWS = 50_000_000
 """Rows of a task: what `--resume` loses at most, a second or two of detection."""
@@ -110,7 +110,7 @@ def _run(task: Task, samples: Iterator[Any], done: Callable[[int], None]) -> Par
         times = [min([*times, int(batch.time.min())]), max([*times, int(batch.time.max())])]
         done(len(batch))
     _keep(engine.flush(), events)
-    last = {loop.name: last_of(state) for loop, state in zip(task.loops, engine.detector.state, strict=True)}
+    last = {loop.name: engine.last_sample(row) for row, loop in enumerate(task.loops)}
     first, newest = times or (None, None)
     return Part(events, engine.rows(), last, first, newest, engine.counts())
 

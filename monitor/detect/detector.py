@@ -73,6 +73,15 @@ class Detector:
         self.coarse = _grown(self.coarse, n)
         self.coarse_time = _grown(self.coarse_time, n)
 
+    def set_limits(self, row: int, loop: Loop) -> None:
+        """Take over a loop's ranges, limits and nominal period, as its table has them now."""
+        _fill(self.param[row], loop)
+
+    @property
+    def open_rows(self) -> NDArray[np.intp]:
+        """Rows of the loops with an open event."""
+        return np.flatnonzero(self.state["slot"] >= 0)
+
     def forget(self, row: int) -> None:
         """Make a loop's row as new, for another loop; no event of it is open."""
         for array in (self.state, self.health):
@@ -81,27 +90,27 @@ class Detector:
         _fill(self.param[row], Loop(name="-"))
 
     @property
-    def per_loop(self) -> dict[str, NDArray[Any]]:
+    def _per_loop(self) -> dict[str, NDArray[Any]]:
         """What is known of the loops beyond the table: arrays with a row for each."""
         names = ("state", "health", "ring", "ring_time", "coarse", "coarse_time")
         return {name: getattr(self, name) for name in names}
 
-    def adopt(self, row: int, known: dict[str, Any], window: NDArray[np.float64]) -> None:
-        """Go on with a loop whose event was open in another detector.
+    def known(self, rows: NDArray[np.intp]) -> dict[str, NDArray[Any]]:
+        """Copy all that is known of loops with an open event: for each name an array with a row for each loop.
 
-        Parameters
-        ----------
-        known
-            The loop's row of each array of `per_loop`.
-        window
-            (WINDOW, 4) of its event, a row of ``slab``.
+        Among them ``onset``, of its event [ns since 1970].
         """
+        arrays = {name: array[rows] for name, array in self._per_loop.items()}
+        return {**arrays, "onset": self.state["onset"][rows], "window": self.slab[self.state["slot"][rows]]}
+
+    def adopt(self, row: int, known: dict[str, Any]) -> None:
+        """Go on with a loop whose event was open in another detector: its row of each array of `known`."""
         self._make_room()
         self.n_free[0] -= 1
         slot = self.free[self.n_free[0]]
-        for name, array in self.per_loop.items():
+        for name, array in self._per_loop.items():
             array[row] = known[name]
-        self.slab[slot] = window
+        self.slab[slot] = known["window"]
         self.state["slot"][row] = slot
 
     def run(self, samples: Samples) -> Found:
@@ -121,7 +130,7 @@ class Detector:
     def flush(self, loops: Iterable[int] | None = None, cause: int = BY_END) -> Found:
         """Close the open events of these rows (default: all) as interrupted, by default by the end of the data."""
         found: Found = []
-        for row in np.flatnonzero(self.state["slot"] >= 0) if loops is None else loops:
+        for row in self.open_rows if loops is None else loops:
             found += self._drain(
                 kernel.flush(self.state, self.health, self.free, self.n_free, self.out, row, cause)
             )

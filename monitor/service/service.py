@@ -28,10 +28,9 @@ from monitor.contract.loops import NAME_BYTES, Loop, LoopTable
 from monitor.contract.records import RETUNE, WORST_FIRST, Assessment, Event, LoopRow, Record, Suggestion
 from monitor.contract.samples import Samples
 from monitor.contract.times import iso, time_of
-from monitor.detect.detector import Detector
 from monitor.engine import Engine
 from monitor.verdict.row import worst_first
-from monitor.verdict.stale import LIVE, is_stale, last_of, mark_stale
+from monitor.verdict.stale import LIVE, is_stale, mark_stale
 from monitor.wire.arrow import encode_trend, encode_window
 from monitor.wire.decode import Decoder
 from monitor.wire.encode import FRAME_MIME, JSON_MIME, decode_event, encode_record, to_json
@@ -236,7 +235,6 @@ class Service:
     def _retuned(self, row: int, loop: Loop) -> list[Record]:
         """Go over to a loop's new settings, ranges and period."""
         records = self.engine.retuned(row, loop)
-        self.engine.detector.param[row] = Detector([self.loops[row]]).param[0]
         self._flagged.discard(row)
         self._old_rows.pop(loop.key, None)
         return records
@@ -396,8 +394,7 @@ class Service:
             self._next_watch = now + WATCH_EVERY
             self._watched = np.zeros(len(self.loops), np.bool_)
             self._watched[sorted(self._flagged)[:MOST_TRENDS]] = True
-            opened = np.flatnonzero(self.engine.detector.state["slot"] >= 0)[:MOST_TRENDS]
-            self._watched[opened] = True
+            self._watched[self.engine.open_rows()[:MOST_TRENDS]] = True
         self._trend += [b.take(self._watched[b.loop]) for b in batches]
         if now < self._next_trend:
             return
@@ -499,7 +496,7 @@ class Service:
             "loops": {
                 "total": len(watched),
                 **{v: verdicts.count(v) for v in WORST_FIRST},
-                "open": int((self.engine.detector.state["slot"] >= 0).sum()),
+                "open": len(self.engine.open_rows()),
                 "stale": len(self._stale),
             },
             "flagged": [self.loops[k].name for k in sorted(self._flagged)[:100]],
@@ -534,15 +531,13 @@ class Service:
 
     def _look_for_silence(self, now: float) -> None:
         """Notice loops that send bad samples, or none, for three periods; say what has changed, in a line."""
-        n = len(self.engine.detector.state)
-        state = self.engine.detector.state
-        period = state["period"]
-        order = self.order.state[:n]
-        seen, spoilt = state["seen"] > 0, state["spoilt"]
-        heard = seen | (spoilt >= NEVER_GOOD)
+        last = self.engine.last_samples()
+        order = self.order.state[: len(last.time)]
+        seen = last.good > 0
+        heard = seen | (last.bad_run >= NEVER_GOOD)
         # what a clock says of the last good sample, and, for values out of range, what the samples' own times say
-        behind = is_stale((order["newest"] - state["time"]) * 1e-9, period, LIVE)
-        quiet = is_stale(now - order["arrival"], period, LIVE) | ((spoilt > 0) & behind)
+        behind = is_stale((order["newest"] - last.time) * 1e-9, last.period, LIVE)
+        quiet = is_stale(now - order["arrival"], last.period, LIVE) | ((last.bad_run > 0) & behind)
         found = set(np.flatnonzero(heard & (quiet | ~seen)).tolist())
         silent = bool(found) and len(found) == int(heard.sum())
         if silent != self.silent:
@@ -551,7 +546,7 @@ class Service:
             log.warning("%s", "no good samples of any loop: not ready" if silent else "samples are back")
         elif not silent:
             new = found - self._stale
-            bad = {k for k in new if state["spoilt"][k] > 0}
+            bad = {k for k in new if last.bad_run[k] > 0}
             changes = (("stale", new - bad), ("only bad samples", bad), ("heard again", self._stale - found))
             for what, rows in changes:
                 if rows:
@@ -566,7 +561,7 @@ class Service:
 
     def row(self, number: int) -> LoopRow:
         """Return a loop's row, marked where nothing comes from it any more."""
-        last = last_of(self.engine.detector.state[number])
+        last = self.engine.last_sample(number)
         return mark_stale(self.engine.row(number), last, iso(last.time) if number in self._stale else None)
 
     def rows(self) -> list[LoopRow]:

@@ -18,15 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.adapters.files import write_bytes
-from monitor.contract.loops import LoopTable
 from monitor.contract.records import event_id
-from monitor.detect.detector import Detector
 from monitor.engine import Engine
 
 from .reorder import HELD, Order
 
 log = logging.getLogger("loopsight")
 
+VERSION = 2
+"""Of the file: goes up where the numbers mean something else than before."""
 MOST = 500
 """Loops that are kept, about 50 kB each: in an upset of the whole plant the first ones."""
 
@@ -46,11 +46,11 @@ class OpenEvents:
 
     def keep(self, engine: Engine, order: Order, now: int) -> None:
         """Write the state of loops with an open event, once more when there is none left; ``now`` [ns since 1970]."""
-        any_open = bool((engine.detector.state["slot"] >= 0).any())
+        any_open = len(engine.open_rows()) > 0
         if self.path is None or not (any_open or self._any):
             return
         try:
-            write(self.path, take(engine.loops, engine.detector, order, now))
+            write(self.path, take(engine, order, now))
         except OSError as error:
             log.debug("%s: %s", self.path, error)  # that the disk fails is said by the store
             return
@@ -86,13 +86,13 @@ class OpenEvents:
         )
         engine.follow()
         order.grow(len(engine.loops))
-        if not fits(found, engine.detector, order):
+        if not fits(found, engine, order):
             log.warning("open events of the last run are another version's; they are not taken up again")
             return set()
-        onsets = found.arrays["state"]["onset"]
+        onsets = found.arrays["onset"]
         ids = [event_id(str(n), int(onset)) for n, onset in zip(found.names, onsets, strict=True)]
         rows[[is_over(identity) for identity in ids]] = -1
-        put_back(found, rows, engine.detector, order, arrival)
+        put_back(found, rows, engine, order, arrival)
         going_on = {identity for identity, row in zip(ids, rows, strict=True) if row >= 0}
         log.warning(
             "%d open events are taken up again after %.0f s", len(going_on), (now - found.time) * 1e-9
@@ -109,15 +109,14 @@ class Snapshot:
     time: int
     """When it was written [ns since 1970]."""
     arrays: dict[str, NDArray[Any]]
+    version: int = VERSION
 
 
-def take(loops: LoopTable, detector: Detector, order: Order, now: int) -> Snapshot:
+def take(engine: Engine, order: Order, now: int) -> Snapshot:
     """Copy what is known of the loops with an open event."""
-    rows = np.flatnonzero(detector.state["slot"] >= 0)[:MOST]
-    arrays = {name: array[rows] for name, array in detector.per_loop.items()}
-    arrays["window"] = detector.slab[detector.state["slot"][rows]]
-    arrays["order"], arrays["held"] = order.state[rows], order.held[rows]
-    names, keys = (np.array([getattr(loops[k], n) for k in rows], np.str_) for n in ("name", "key"))
+    rows = engine.open_rows()[:MOST]
+    arrays = {**engine.known(rows), "order": order.state[rows], "held": order.held[rows]}
+    names, keys = (np.array([getattr(engine.loops[k], n) for k in rows], np.str_) for n in ("name", "key"))
     return Snapshot(names, keys, now, arrays)
 
 
@@ -131,7 +130,7 @@ def write(path: Path, snapshot: Snapshot) -> None:
     """
     columns: dict[str, Any] = {"names": snapshot.names, "keys": snapshot.keys, **snapshot.arrays}
     file = io.BytesIO()
-    np.savez(file, time=np.array([snapshot.time]), **columns)
+    np.savez(file, version=np.array([snapshot.version]), time=np.array([snapshot.time]), **columns)
     write_bytes(path, file.getbuffer())
 
 
@@ -141,26 +140,27 @@ def read(path: Path) -> Snapshot | None:
         with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         names, keys, time = arrays.pop("names"), arrays.pop("keys"), int(arrays.pop("time")[0])
+        version = int(arrays.pop("version", [1])[0])
     except FileNotFoundError:
         return None
     except Exception as error:  # noqa: BLE001 (a damaged file raises whatever its bytes lead to)
         log.warning("%s: %s; open events of the last run are not taken up again", path, error)
         return None
-    return Snapshot(names, keys, time, arrays)
+    return Snapshot(names, keys, time, arrays, version)
 
 
-def fits(snapshot: Snapshot, detector: Detector, order: Order) -> bool:
+def fits(snapshot: Snapshot, engine: Engine, order: Order) -> bool:
     """Whether a snapshot's layout is that of this version."""
     arrays, n = snapshot.arrays, len(snapshot.names)
-    expected = {**detector.per_loop, "window": detector.slab, "order": order.state, "held": order.held}
-    return all(
+    expected = {**engine.known(np.zeros(0, np.intp)), "order": order.state, "held": order.held}
+    return snapshot.version == VERSION and all(
         name in arrays and arrays[name].dtype == array.dtype and arrays[name].shape == (n, *array.shape[1:])
         for name, array in expected.items()
     )
 
 
 def put_back(
-    snapshot: Snapshot, rows: NDArray[np.int64], detector: Detector, order: Order, arrival: float
+    snapshot: Snapshot, rows: NDArray[np.int64], engine: Engine, order: Order, arrival: float
 ) -> None:
     """Take up the loops of a snapshot that fits again, as ``rows`` of the table.
 
@@ -174,7 +174,7 @@ def put_back(
     arrays = snapshot.arrays
     for k in np.flatnonzero(rows >= 0):
         row = int(rows[k])
-        detector.adopt(row, {name: arrays[name][k] for name in detector.per_loop}, arrays["window"][k])
+        engine.adopt(row, {name: array[k] for name, array in arrays.items()})
         _order_back(order, row, arrays["order"][k], arrays["held"][k], arrival)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -75,10 +75,15 @@ class LastSample(msgspec.Struct, frozen=True):
     """Bad ones since the last good one."""
 
 
-def last_of(state: Any) -> LastSample:
-    """Read it from a loop's state (dtype `STATE`)."""
-    counts = (int(state[n]) for n in ("ok", "bad_value", "bad_quality", "spoilt"))
-    return LastSample(int(state["time"]), float(state["period"]), *counts)
+class LastSamples(NamedTuple):
+    """The same of all loops, in columns (L,)."""
+
+    time: NDArray[np.int64]
+    period: NDArray[np.float64]
+    good: NDArray[np.int64]
+    bad_value: NDArray[np.int64]
+    bad_quality: NDArray[np.int64]
+    bad_run: NDArray[np.int64]
 
 
 def mark_stale(row: LoopRow, last: LastSample, since: str | None) -> LoopRow:

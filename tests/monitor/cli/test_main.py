@@ -11,7 +11,7 @@ from importlib.metadata import version
 import pytest
 
 from monitor.cli.main import COMMANDS
-from tests.monitor.cli.tools import refused, run
+from tests.monitor.cli.tools import refused, run, started
 
 HEAVY = ("numpy", "scipy", "numba", "pandas", "pyarrow", "zenoh", "rerun", "dask", "matplotlib", "sqlite3")
 LIGHT = {"status", "check", "tune"}
@@ -33,7 +33,7 @@ def test_help_has_an_example_and_loads_nothing_heavy(command):
     """At once: no numerical, network or drawing library is imported for it."""
     arguments = [command, "--help"] if command else ["--help"]
     began = time.perf_counter()
-    done = run(*arguments)
+    done = started(*arguments)
     took = time.perf_counter() - began
     print(f"{command or 'loopsight'} --help: {took:.2f} s")
     assert done.returncode == 0

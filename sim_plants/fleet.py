@@ -125,7 +125,7 @@ def _loop(
     step = _step(rng, plant, settings, span)
     load = min(_round(rng.uniform(0.5, 1.2) * step * abs(settings.kp)), _LARGEST_LOAD)
     objective: Objective = ("both", "setpoint", "load")[rng.choice(3, p=(0.7, 0.1, 0.2))]
-    setpoint, loads = schedules(rng, plant, settings, period, step, load, objective)
+    setpoint, loads = schedules(rng, plant, settings, period, (step, load), objective)
     return LoopSpec(
         name=f"{kind.letter}IC-{(i // _AREA + 1) * 100 + i % _AREA + 1}",
         plant=plant,
@@ -185,8 +185,7 @@ def schedules(
     plant: Plant,
     settings: Controller,
     period: float,
-    step: float,
-    load: float,
+    sizes: tuple[float, float],
     objective: Objective = "both",
     first: float | None = None,
     apart: tuple[float, float] = _APART,
@@ -199,8 +198,8 @@ def schedules(
         Where chance comes from.
     plant, settings, period : Plant, Controller, float
         The loop [s].
-    step, load : float
-        Sizes [PV], [OP]; a set-point step has between 0.6 and 1 of its own.
+    sizes : (float, float)
+        Of steps of set point [PV] and load [OP]; a set-point step has between 0.6 and 1 of its own.
     objective : {'setpoint', 'load', 'both'}
         Which kinds there are; with 'both', two set-point steps for a load step.
     first : float or None
@@ -213,6 +212,7 @@ def schedules(
     setpoint, load : Steps
         They come back to where they began; load steps do not meet samples.
     """
+    step, load = sizes
     kinds = {"setpoint": "ssss", "load": "llll"}.get(objective, "ssslsl")
     settle = settling_time(plant, settings, period)
     if first is None:
@@ -221,13 +221,13 @@ def schedules(
     times = first + np.concatenate([[0.0], np.cumsum(gaps)])
     repeat = np.ceil((times[-1] - first) / period) * period
     up = step * rng.choice([-1, 1])
-    sizes = {"s": [up, -up, -up * rng.uniform(0.6, 1.0)], "l": [load * rng.choice([-1, 1])]}
-    sizes["s"].append(-sizes["s"][-1])
-    sizes["l"] = [sizes["l"][0], -sizes["l"][0]] * 2
+    moved = {"s": [up, -up, -up * rng.uniform(0.6, 1.0)], "l": [load * rng.choice([-1, 1])]}
+    moved["s"].append(-moved["s"][-1])
+    moved["l"] = [moved["l"][0], -moved["l"][0]] * 2
     result = []
     for kind in "sl":
         at = [time for time, k in zip(times, kinds, strict=False) if k == kind]
-        moves = tuple(float(size) for size in sizes[kind][: len(at)])
+        moves = tuple(float(size) for size in moved[kind][: len(at)])
         exact = tuple(float(np.round(t / period) * period if kind == "s" else np.round(t, 3)) for t in at)
         result.append(Steps(exact, moves, float(repeat) if at else 0.0))
     return result[0], result[1]

@@ -149,7 +149,7 @@ def demo(seed: int) -> list[LoopSpec]:
         rng = np.random.default_rng(streams[number])
         load = min(float(f"{step * abs(settings.kp):.2g}"), 10.0)
         first = 100.0 + 100.0 * number / len(cases)
-        setpoint, loads = schedules(rng, plant, settings, 1.0, step, load, first=first, apart=(1.0, 1.25))
+        setpoint, loads = schedules(rng, plant, settings, 1.0, (step, load), first=first, apart=(1.0, 1.25))
         manual = tuning == "manual"
         loops.append(
             LoopSpec(

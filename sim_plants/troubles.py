@@ -21,7 +21,7 @@ def _loop(name: str, plant: Plant, controller: Controller, seed: int, tuning: st
     """Return a loop in % of PV, with steps of 4 % and their loads, and a noise of 0.02 %."""
     rng = np.random.default_rng([seed, sum(name.encode())])
     load = min(4.0 * abs(controller.kp), 8.0)
-    setpoint, loads = schedules(rng, plant, controller, 1.0, 4.0, load, first=300.0)
+    setpoint, loads = schedules(rng, plant, controller, 1.0, (4.0, load), first=300.0)
     return LoopSpec(
         name=name,
         plant=plant,

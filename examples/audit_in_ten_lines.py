@@ -5,11 +5,11 @@ python examples/audit_in_ten_lines.py export/data.parquet export/loops.csv audit
 
 import sys
 
-from monitor import run_audit
+from monitor import AuditSettings, run_audit
 
 if __name__ == "__main__":  # more jobs start this file again
     export, loops, out = sys.argv[1:]
-    result = run_audit([export], loops, out, jobs=2)
+    result = run_audit([export], loops, out, AuditSettings(jobs=2))
     for row in result.rows:
         print(f"{row.loop:<16} {row.verdict:<13} {row.reason}")
         if row.new_kp is not None:

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from monitor.adapters.loop_table import read_loop_table
     from monitor.audit.run import run_audit
+    from monitor.audit.settings import AuditSettings
     from monitor.contract.evidence import Window
     from monitor.contract.loops import Loop, LoopTable
     from monitor.contract.records import Assessment, Event, LoopRow, Suggestion
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Assessment",
+    "AuditSettings",
     "Engine",
     "Event",
     "Loop",
@@ -51,6 +53,7 @@ __all__ = [
 
 _HOMES = {
     "Assessment": "contract.records",
+    "AuditSettings": "audit.settings",
     "Engine": "engine",
     "Event": "contract.records",
     "Loop": "contract.loops",

@@ -135,6 +135,8 @@ def _facts(batches: Iterator[Samples], loops: int) -> str:
     """Count samples; say their span and their period, by the first steps of each loop."""
     import numpy as np  # noqa: PLC0415
 
+    from monitor.contract.times import iso  # noqa: PLC0415
+
     n, first, last = 0, np.iinfo(np.int64).max, np.iinfo(np.int64).min
     periods = np.full(loops, np.nan)
     for samples in batches:
@@ -152,7 +154,7 @@ def _facts(batches: Iterator[Samples], loops: int) -> str:
     period = (
         "" if not len(known) else f", period {known[0]:g}" + (f" to {known[-1]:g}" if len(known) > 1 else "")
     )
-    begin, end = (str(np.datetime64(int(t), "ns").astype("M8[ms]")) + "Z" for t in (first, last))
+    begin, end = (iso(int(t), "ms") for t in (first, last))
     if abs(first) < 10**17:  # seconds from a start rather than times of day
         begin, end = f"{first * 1e-9:g} s", f"{last * 1e-9:g} s"
     return f"{n} rows, {begin} to {end}{period}{' s' if period else ''}"

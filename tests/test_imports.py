@@ -36,7 +36,7 @@ STATIONS: dict[str, tuple[str, ...]] = {
     "check": ("contract", "advise", "adapters", "service.config"),
     "cli": ("tuners", *CORE, "wire", "adapters", "service", "audit", "view", "check"),
     "__main__": ("cli",),
-    "__init__": (*CORE, "adapters.loop_table", "audit.run"),
+    "__init__": (*CORE, "adapters.loop_table", "audit"),
 }
 """Package or module of `monitor`, and what of ours it may import beside itself."""
 PLANTS_AT = {"monitor/cli/demo.py", "monitor/cli/simulate.py"}

@@ -7,13 +7,13 @@ import re
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from datetime import UTC, datetime
 from typing import Any
 
 import zenoh
 
 from monitor.contract.entries import LARGEST, Message
 from monitor.contract.keys import PREFIX
+from monitor.contract.times import ns_of
 
 from .inbox import Inbox
 
@@ -148,7 +148,7 @@ class Bus:
             if key.startswith(ours):
                 return
             stamp = sample.timestamp
-            time = arrival() if stamp is None else _nanoseconds(stamp.get_time())
+            time = arrival() if stamp is None else ns_of(stamp.get_time().astimezone())
             inbox.put(Message(key, sample.payload.to_bytes(), time))
 
         for key in keys:
@@ -193,11 +193,6 @@ class Bus:
         self._declared.clear()
         with suppress(zenoh.ZError):
             self._session.close()
-
-
-def _nanoseconds(when: datetime) -> int:
-    delta = when.astimezone(UTC) - datetime(1970, 1, 1, tzinfo=UTC)
-    return ((delta.days * 86_400 + delta.seconds) * 1_000_000 + delta.microseconds) * 1000
 
 
 def ask(session: Any, key: str, seconds: float) -> list[tuple[str, bytes]]:

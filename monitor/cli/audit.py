@@ -41,15 +41,16 @@ Example:
 )
 @click.option("--resume", is_flag=True, help="Go on with an audit of the same data that was stopped.")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, e.g. tcp://10.0.0.5:8786.")
-def audit(**options: Any) -> None:
+def audit(paths: tuple[str, ...], loops_file: str | None, out: str, **options: Any) -> None:
     """Audit, show what was found, exit 0 or 2."""
     from monitor.audit.run import run_audit
+    from monitor.audit.settings import AuditSettings
 
     from .audit_show import progress_bar, show
 
     try:
         with progress_bar() as progress:
-            result = run_audit(**options, progress=progress)
+            result = run_audit(paths, loops_file, out, AuditSettings(**options), progress=progress)
     except (ValueError, OSError, ImportError) as error:
         click.echo(f"loopsight audit: {error}", err=True)
         sys.exit(2)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from datetime import UTC, datetime
+from datetime import UTC, datetime, tzinfo
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,54 @@ def seconds_to_ns(seconds: NDArray[np.float64]) -> NDArray[np.int64]:
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
+def ns_of(when: datetime, zone: tzinfo = UTC) -> int:
+    """Return a moment [ns since 1970], exactly; one that names no zone is read in ``zone``."""
+    delta = (when.replace(tzinfo=zone) if when.tzinfo is None else when) - EPOCH
+    return ((delta.days * 86_400 + delta.seconds) * 1_000_000 + delta.microseconds) * 1000
+
+
+def instant(text: str, zone: tzinfo = UTC) -> int:
+    """Return the time [ns since 1970] that ISO text says; without a zone of its own, in ``zone``.
+
+    Raises
+    ------
+    ValueError
+        Text that is no time.
+
+    Examples
+    --------
+    >>> instant("1970-01-01T00:00:01.5Z")
+    1500000000
+    >>> instant("1969-12-31T23:59:58.5+00:00")
+    -1500000000
+    """
+    return ns_of(datetime.fromisoformat(text), zone)
+
+
+def given_time(text: str, zone: tzinfo = UTC) -> int:
+    """Return the time [ns since 1970] that a user gives: ISO text, or seconds since 1970.
+
+    What integer nanoseconds cannot hold is the last, or the first, time that they can.
+
+    Raises
+    ------
+    ValueError
+        Text that is no time.
+
+    Examples
+    --------
+    >>> given_time("2.5"), given_time("1970-01-01 00:00:02.5")
+    (2500000000, 2500000000)
+    """
+    try:
+        seconds = float(text)
+    except ValueError:
+        return min(max(instant(text, zone), -LATEST), LATEST)
+    if math.isnan(seconds):
+        raise ValueError(f"{text!r} is no time")
+    return round(min(max(seconds, -LATEST * 1e-9), LATEST * 1e-9) * 1e6) * 1000
+
+
 def time_of(value: float | str | None, default: int) -> int:
     """Return the time of a sample [ns]: ISO text (naive = UTC), epoch seconds, else the default; 0 out of range.
 
@@ -47,33 +96,26 @@ def time_of(value: float | str | None, default: int) -> int:
     if value is None:
         return default
     if isinstance(value, str):
-        when = datetime.fromisoformat(value)
-        when = when.replace(tzinfo=UTC) if when.tzinfo is None else when
-        delta = when - EPOCH
-        time = ((delta.days * 86_400 + delta.seconds) * 1_000_000 + delta.microseconds) * 1000
+        time = instant(value)
         return time if abs(time) <= LATEST else 0
     # as `seconds_to_ns`, at a tenth of its cost
     return round(value * 1e6) * 1000 if math.isfinite(value) and abs(value) < LATEST * 1e-9 else 0
 
 
-def iso(time: int) -> str:
-    """Return a time [ns since 1970] as ISO 8601 with Z.
+def nanoseconds(text: object) -> int | None:
+    """Return the time [ns since 1970] of a record's ISO text; None where it is no time."""
+    try:
+        return instant(text) if isinstance(text, str) else None
+    except ValueError:
+        return None
+
+
+def iso(time: int, unit: Literal["ms", "us", "ns"] = "us") -> str:
+    """Return a time [ns since 1970] as ISO 8601 with Z, as finely as ``unit`` says.
 
     Examples
     --------
-    >>> iso(1_795_341_600_250_000_000)
-    '2026-11-22T10:00:00.250000Z'
+    >>> iso(1_500_000_000)
+    '1970-01-01T00:00:01.500000Z'
     """
-    return str(np.datetime_as_string(np.datetime64(time, "ns"), unit="us")) + "Z"
-
-
-def nanoseconds(iso: object) -> int | None:
-    """ISO time with zone (without: UTC) as [ns since 1970]; None where it is no time."""
-    try:
-        moment = datetime.fromisoformat(iso) if isinstance(iso, str) else None
-    except ValueError:
-        return None
-    if moment is None:
-        return None
-    moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-    return round(moment.timestamp() * 1e6) * 1000
+    return str(np.datetime_as_string(np.datetime64(time, "ns"), unit=unit)) + "Z"

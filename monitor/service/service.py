@@ -7,7 +7,6 @@ published has been committed before.
 from __future__ import annotations
 
 import logging
-import math
 import threading
 import time
 from collections import deque
@@ -27,7 +26,7 @@ from monitor.contract.evidence import Window
 from monitor.contract.loops import NAME_BYTES, Loop, LoopTable
 from monitor.contract.records import RETUNE, WORST_FIRST, Assessment, Event, LoopRow, Record, Suggestion
 from monitor.contract.samples import Samples
-from monitor.contract.times import iso, time_of
+from monitor.contract.times import given_time, iso
 from monitor.engine import Engine
 from monitor.verdict.row import worst_first
 from monitor.verdict.stale import LIVE, is_stale, mark_stale
@@ -630,15 +629,9 @@ def _instant(name: str, text: str | None) -> int | None:
     if text is None:
         return None
     try:
-        seconds = float(text)
+        return given_time(text.replace(" ", "+"))  # what a browser makes of a + in a zone
     except ValueError:
-        try:
-            return time_of(text.replace(" ", "+"), 0)  # what a browser makes of a + in a zone
-        except ValueError:
-            raise ValueError(f"{name}: {text[:50]!r}, expected ISO time or epoch seconds") from None
-    if not math.isfinite(seconds):
-        raise ValueError(f"{name}: {text[:50]!r}, expected ISO time or epoch seconds")
-    return round(min(max(seconds, -9e9), 9e9) * 1e6) * 1000
+        raise ValueError(f"{name}: {text[:50]!r}, expected ISO time or epoch seconds") from None
 
 
 def _limit(text: str | None) -> int:

@@ -21,6 +21,7 @@ import pyarrow as pa
 
 from monitor.adapters.store import Store
 from monitor.audit.run import run_audit
+from monitor.audit.settings import AuditSettings
 from monitor.contract.loop_fields import parse_row
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment, Event, LoopRow
@@ -191,7 +192,7 @@ def audit(
     pd.DataFrame(list(table)).to_csv(loops, index=False)
     paths = [write(data, folder / f"data{suffix}")] if isinstance(data, pd.DataFrame) else list(data)
     out = folder / f"out{suffix[1:]}"
-    result = run_audit(paths, loops, out, **options)
+    result = run_audit(paths, loops, out, AuditSettings(**options))
     assert result.exit_code == 0, result.problems
     about = json.loads((out / "audit.json").read_text())
     return Outcome(

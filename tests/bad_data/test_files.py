@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from monitor.audit.run import run_audit
+from monitor.audit.settings import AuditSettings
 from monitor.audit.tasks import plan
 from monitor.contract.records import GOOD
 from tests.bad_data.harness import NAME, SECOND, SETTINGS, Outcome, audit, both, good, same, write
@@ -147,7 +148,7 @@ def test_names_that_break_the_rules_are_refused_by_name(tmp_path: Path, name: st
     """Too long: named in the report. What a terminal would obey is shown as an escape."""
     data = pd.concat([good(50), good(50, name=name)])
     data.to_parquet(tmp_path / "d.parquet")
-    result = run_audit([tmp_path / "d.parquet"], None, tmp_path / "out", time_unit="ns")
+    result = run_audit([tmp_path / "d.parquet"], None, tmp_path / "out", AuditSettings(time_unit="ns"))
     assert result.exit_code == 0
     assert NAME in {r.loop for r in result.rows}
     assert all(line.isprintable() for line in result.problems)

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from monitor.audit.run import run_audit
+from monitor.audit.settings import AuditSettings
 from monitor.contract.records import GOOD
 from tests.bad_data.harness import (
     NAME,
@@ -377,7 +378,7 @@ def test_a_local_time_that_does_not_exist_names_its_line(tmp_path: Path) -> None
     data = local(good(10), "Europe/Berlin")
     data.loc[4:, "time"] = "2026-03-29 02:30:00"
     write(data, tmp_path / "d.csv")
-    result = run_audit([tmp_path / "d.csv"], None, tmp_path / "out", tz="Europe/Berlin")
+    result = run_audit([tmp_path / "d.csv"], None, tmp_path / "out", AuditSettings(tz="Europe/Berlin"))
     assert result.exit_code == 2
     assert result.problems[0].startswith("d.csv:6: time: 2026-03-29 02:30:00 does not exist")
 

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from monitor.audit.run import run_audit
+from monitor.audit.settings import AuditSettings
 from monitor.contract.records import GOOD, NOT_ASSESSED
 from tests.bad_data.harness import (
     LOST,
@@ -159,7 +160,9 @@ def test_nothing_but_bad_samples(tmp_path: Path, values: Any, qualities: Any, sa
     assert (row.verdict, row.reason) == (NOT_ASSESSED, f"no data: {said}")
     assert (row.ci_setpoint, row.coverage, row.noise, row.events) == (None, None, None, 0)
     assert found.rows[NAME].verdict == GOOD
-    result = run_audit([tmp_path / "audit" / "data.csv"], None, tmp_path / "x", since="2027-01-01")
+    result = run_audit(
+        [tmp_path / "audit" / "data.csv"], None, tmp_path / "x", AuditSettings(since="2027-01-01")
+    )
     assert result.exit_code == 2
 
 

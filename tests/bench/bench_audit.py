@@ -20,6 +20,7 @@ from monitor.adapters.historian.merge import Span, in_order
 from monitor.adapters.historian.reader import inspect
 from monitor.adapters.historian.rows import Tally
 from monitor.audit.run import run_audit
+from monitor.audit.settings import AuditSettings
 from monitor.contract.loops import Loop, LoopTable
 from monitor.engine import Engine
 
@@ -93,8 +94,8 @@ def measure(path: Path, table: Path, jobs: list[int], warm: Path) -> None:
     print(f"  detection, in memory      {n / engine(path, names):6.1f} M rows/s")
     out = path.with_suffix(".out")
     for j in jobs:
-        start_up = best(lambda j=j: run_audit([warm], None, out, jobs=j))
-        seconds = best(lambda j=j: run_audit([path], table, out, jobs=j)) - start_up
+        start_up = best(lambda j=j: run_audit([warm], None, out, AuditSettings(jobs=j)))
+        seconds = best(lambda j=j: run_audit([path], table, out, AuditSettings(jobs=j))) - start_up
         ratios = ", ".join(f"{seconds / least:.2f} x reading on {what}" for what, least in floors.items())
         print(
             f"  audit --jobs {j}            {n / seconds:6.1f} M rows/s: {ratios} (start-up {start_up:.2f} s)"

@@ -8,7 +8,9 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from monitor.audit.run import expand, run_audit
+from monitor.audit.inputs import expand
+from monitor.audit.run import run_audit
+from monitor.audit.settings import AuditSettings
 from tests.monitor.audit.tools import FILES, about, content
 from tests.support.places import SHARED
 
@@ -64,7 +66,7 @@ def test_counts_add_up(fleet_data: pd.DataFrame, table: Path, tmp_path: Path) ->
     data = pd.concat([data, data.iloc[50:57]])
     text = data.to_csv(index=False) + "LIC-1,2026"
     (tmp_path / "d.csv").write_text(text)
-    run_audit([tmp_path / "d.csv"], table, tmp_path / "out", until="2026-03-01T00:10:00")
+    run_audit([tmp_path / "d.csv"], table, tmp_path / "out", AuditSettings(until="2026-03-01T00:10:00"))
     seen = about(tmp_path / "out")
     c = seen["counts"]
     assert c["rows"] == len(data) == seen["inputs"][0]["rows"]
@@ -152,3 +154,11 @@ def test_simulated_and_laboratory_plants(
     assert result.exit_code == 0
     assert (result.counts["loops"], result.counts["ok"]) == (loops, rows)
     assert str(pq.read_schema(tmp_path / "events.parquet").field("start").type) == "double"
+
+
+def test_a_bound_before_1970_is_read_to_the_fraction() -> None:
+    """Half a second before a full one is that, and not half a second after it."""
+    span = AuditSettings(since="1969-12-31T23:59:58.5Z", until="9999-12-31").span()
+    assert span.since == -1_500_000_000
+    assert span.until is not None
+    assert span.until < 2**63

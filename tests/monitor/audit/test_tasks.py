@@ -11,6 +11,7 @@ import pytest
 from monitor.audit import tasks
 from monitor.audit.result import PARTS
 from monitor.audit.run import run_audit
+from monitor.audit.settings import AuditSettings
 from monitor.audit.tasks import Part, Task, plan, run_task
 from tests.monitor.audit.tools import about, content
 
@@ -19,7 +20,7 @@ def test_jobs_change_nothing(fleet_data: pd.DataFrame, table: Path, tmp_path: Pa
     fleet_data.sort_values(["loop", "time"]).to_parquet(tmp_path / "d.parquet", row_group_size=500)
     found = []
     for jobs in (1, 2):
-        result = run_audit([tmp_path / "d.parquet"], table, tmp_path / f"o{jobs}", jobs=jobs)
+        result = run_audit([tmp_path / "d.parquet"], table, tmp_path / f"o{jobs}", AuditSettings(jobs=jobs))
         assert result.exit_code == 0
         assert len(result.events) == 10
         found.append(content(tmp_path / f"o{jobs}"))
@@ -79,7 +80,7 @@ def test_resume_takes_over_what_is_done(
     monkeypatch.setattr(
         tasks, "run_task", lambda task, progress: (again.append(task), run_task(task, progress))[1]
     )
-    run_audit([tmp_path / "d.parquet"], table, tmp_path / "out", resume=True)
+    run_audit([tmp_path / "d.parquet"], table, tmp_path / "out", AuditSettings(resume=True))
     assert len(again) == 2
     assert content(tmp_path / "out") == content(tmp_path / "whole")
     # without --resume nothing is taken over

@@ -1,0 +1,49 @@
+"""How an audit is run: what a user may choose, each with its default."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC
+
+from monitor.adapters.historian.clock import zone_of
+from monitor.adapters.historian.merge import Span
+from monitor.contract.times import given_time
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AuditSettings:
+    """Settings of an audit; the options of ``loopsight audit``."""
+
+    jobs: int = 1
+    """Processes. Their number changes nothing in the result."""
+    since: str | None = None
+    """First time: ISO text, or seconds where the data have numbers."""
+    until: str | None = None
+    """First time not wanted any more."""
+    tz: str | None = None
+    """Zone of times that name none; None: UTC."""
+    time_unit: str | None = None
+    """Unit of numeric times: ``s``, ``ms``, ``us``, ``ns`` or ``excel``; None: told by their range."""
+    resume: bool = False
+    """Take over what an earlier audit of the same data, stopped half way, has stored in its folder."""
+    scheduler: str | None = None
+    """Address of a Dask scheduler that runs the tasks; its workers see the files under the same paths."""
+
+    def span(self) -> Span:
+        """Return which samples are wanted, and how their times are read.
+
+        Raises
+        ------
+        ValueError
+            A time or a zone is none: one line that names it.
+        """
+        zone = zone_of(self.tz or "UTC")
+        times = []
+        for option, text in (("--since", self.since), ("--until", self.until)):
+            try:
+                times.append(None if text is None else given_time(text, zone or UTC))
+            except ValueError:
+                raise ValueError(
+                    f"{option}: {text!r}, expected ISO text, e.g. 2026-11-22T10:00:00, or seconds"
+                ) from None
+        return Span(*times, zone)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import UTC
+from zoneinfo import ZoneInfo
 
 from monitor.adapters.historian.clock import zone_of
 from monitor.adapters.historian.merge import Span
@@ -38,12 +39,15 @@ class AuditSettings:
             A time or a zone is none: one line that names it.
         """
         zone = zone_of(self.tz or "UTC")
-        times = []
-        for option, text in (("--since", self.since), ("--until", self.until)):
-            try:
-                times.append(None if text is None else given_time(text, zone or UTC))
-            except ValueError:
-                raise ValueError(
-                    f"{option}: {text!r}, expected ISO text, e.g. 2026-11-22T10:00:00, or seconds"
-                ) from None
-        return Span(*times, zone)
+        return Span(_time("--since", self.since, zone), _time("--until", self.until, zone), zone)
+
+
+def _time(option: str, text: str | None, zone: ZoneInfo | None) -> int | None:
+    if text is None:
+        return None
+    try:
+        return given_time(text, zone or UTC)
+    except ValueError:
+        raise ValueError(
+            f"{option}: {text!r}, expected ISO text, e.g. 2026-11-22T10:00:00, or seconds"
+        ) from None

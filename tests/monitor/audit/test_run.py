@@ -8,9 +8,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from monitor.audit.inputs import expand
 from monitor.audit.run import run_audit
-from monitor.audit.settings import AuditSettings
 from tests.monitor.audit.tools import FILES, about, content
 from tests.support.places import SHARED
 
@@ -56,72 +54,6 @@ def test_damaged_files_are_left_out_and_the_rest_audited(
     assert [p for p in result.problems if "none*.csv: no such file" in p]
 
 
-def test_counts_add_up(fleet_data: pd.DataFrame, table: Path, tmp_path: Path) -> None:
-    data = fleet_data.astype({"pv": object, "time": str})
-    data.loc[10:14, "pv"] = "Bad Input"
-    data.loc[20:22, "time"] = "never"
-    data["quality"] = 192
-    data.loc[30:33, "quality"] = 0
-    data.loc[40:45, "quality"] = 64
-    data = pd.concat([data, data.iloc[50:57]])
-    text = data.to_csv(index=False) + "LIC-1,2026"
-    (tmp_path / "d.csv").write_text(text)
-    run_audit([tmp_path / "d.csv"], table, tmp_path / "out", AuditSettings(until="2026-03-01T00:10:00"))
-    seen = about(tmp_path / "out")
-    c = seen["counts"]
-    assert c["rows"] == len(data) == seen["inputs"][0]["rows"]
-    lost = {k: c[k] for k in ("bad_value", "bad_quality", "bad_time", "duplicate", "uncertain", "lost_lines")}
-    assert lost == {
-        "bad_value": 5, "bad_quality": 4, "bad_time": 3, "duplicate": 7, "uncertain": 6, "lost_lines": 1,
-    }  # fmt: skip
-    assert c["outside"] == 5 * 300
-    assert c["rows"] == sum(
-        c[k] for k in ("ok", "bad_value", "bad_quality", "bad_time", "duplicate", "late", "outside")
-    )
-    assert seen["text_in_values"] == {"count": 5, "most_frequent": {"Bad Input": 5}}
-    assert seen["times_unreadable"] == ["never"]
-    assert seen["skipped"]["lines"] == [
-        {"name": "d.csv", "line": len(data) + 2, "reason": "2 cells, expected 6"}
-    ]
-
-
-def test_all_loops_with_defaults_where_no_table_is_given(fleet_data: pd.DataFrame, tmp_path: Path) -> None:
-    fleet_data.to_parquet(tmp_path / "d.parquet")
-    result = run_audit([tmp_path / "d.parquet"], None, tmp_path / "out")
-    assert {r.loop for r in result.rows} == {f"LIC-{k}" for k in range(5)}
-    assert about(tmp_path / "out")["settings"]["loops"] is None
-
-
-def test_folder_leaves_out_loop_table_and_results(fleet_data: pd.DataFrame, tmp_path: Path) -> None:
-    fleet_data.to_parquet(tmp_path / "d.parquet")
-    (tmp_path / "loops.csv").write_text("name\nLIC-0\n")
-    for _ in range(2):
-        result = run_audit([tmp_path], tmp_path / "loops.csv", tmp_path / "out")
-        assert [r.loop for r in result.rows] == ["LIC-0"]
-        assert [i["name"] for i in about(tmp_path / "out")["inputs"]] == ["d.parquet"]
-        assert result.problems == [f"loop LIC-{k}: not in the loop table" for k in range(1, 5)]
-
-
-def test_paths_are_files_folders_and_globs(tmp_path: Path) -> None:
-    for name in ("a/x.csv", "a/b/y.parquet", "a/.hidden/z.csv", "a/note.txt", "c/w.csv"):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).touch()
-    problems: list[str] = []
-    found = expand([tmp_path / "a", tmp_path / "c" / "*.csv", tmp_path / "a" / "x.csv"], problems)
-    assert list(found.values()) == ["a/b/y.parquet", "a/x.csv", "c/w.csv"]
-    assert not problems
-
-
-def test_name_of_ten_thousand_bytes_is_refused_by_name(fleet_data: pd.DataFrame, tmp_path: Path) -> None:
-    data = pd.concat([fleet_data, fleet_data.query("loop == 'LIC-0'").assign(loop="n" * 10_000)])
-    data.to_parquet(tmp_path / "d.parquet")
-    result = run_audit([tmp_path / "d.parquet"], None, tmp_path / "out")
-    assert len(result.rows) == 5
-    assert [
-        p for p in result.problems if p.startswith("loop nnn") and "at most 200 bytes" in p and len(p) < 300
-    ]
-
-
 # -- real and independent data ------------------------------------------------------------------------
 @needs_data
 def test_refinery(tmp_path: Path) -> None:
@@ -154,11 +86,3 @@ def test_simulated_and_laboratory_plants(
     assert result.exit_code == 0
     assert (result.counts["loops"], result.counts["ok"]) == (loops, rows)
     assert str(pq.read_schema(tmp_path / "events.parquet").field("start").type) == "double"
-
-
-def test_a_bound_before_1970_is_read_to_the_fraction() -> None:
-    """Half a second before a full one is that, and not half a second after it."""
-    span = AuditSettings(since="1969-12-31T23:59:58.5Z", until="9999-12-31").span()
-    assert span.since == -1_500_000_000
-    assert span.until is not None
-    assert span.until < 2**63

@@ -7,6 +7,8 @@ from typing import Any
 
 import click
 
+from .common import Command, Refused
+
 _HELP = """Audit a fleet from historian exports.
 
 PATH is a Parquet or CSV file, a folder or a glob: one long table (loop, time, sp, pv, op), a file per loop,
@@ -19,7 +21,7 @@ Example:
 """
 
 
-@click.command("audit", help=_HELP)
+@click.command("audit", cls=Command, help=_HELP)
 @click.argument("paths", nargs=-1, required=True, metavar="PATH...")
 @click.option(
     "--loops",
@@ -52,7 +54,6 @@ def audit(paths: tuple[str, ...], loops_file: str | None, out: str, **options: A
         with progress_bar() as progress:
             result = run_audit(paths, loops_file, out, AuditSettings(**options), progress=progress)
     except (ValueError, OSError, ImportError) as error:
-        click.echo(f"loopsight audit: {error}", err=True)
-        sys.exit(2)
+        raise Refused(str(error)) from None
     show(result)
     sys.exit(result.exit_code)

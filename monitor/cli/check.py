@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from .common import Command, Refused
+
 _HELP = """Check configurations, loop tables and data files.
 
 Prints every problem with file, line or row, field, value and what would be accepted. Exit 0 without
@@ -18,7 +20,7 @@ Example:
 """
 
 
-@click.command("check", help=_HELP)
+@click.command("check", cls=Command, help=_HELP)
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path))
 @click.option("--tz", metavar="ZONE", help="Zone of times that name none, e.g. Europe/Berlin. Default: UTC.")
 @click.option(
@@ -36,7 +38,7 @@ def check(files: tuple[Path, ...], tz: str | None, time_unit: str | None) -> Non
         try:
             found = check_file(path, tz, time_unit)
         except ValueError as error:
-            raise click.UsageError(str(error)) from None
+            raise Refused(str(error)) from None
         for line in found.problems:
             click.echo(visible(line), err=True)
         failed = failed or bool(found.problems)

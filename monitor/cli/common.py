@@ -1,36 +1,64 @@
-"""What all commands share: one style of error, the version."""
+"""What all commands share: one style of error, the version, following who started them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import IO, Any, TypeVar
 
 import click
+from click.exceptions import NoArgsIsHelpError
+
+from monitor.contract.text import visible
+
+T = TypeVar("T")
 
 
 class Refused(click.ClickException):
-    """An error of the user's: one line, exit 2."""
+    """Wrong use: a line for each problem, ``loopsight COMMAND: ...`` on stderr; exit 2."""
 
     exit_code = 2
 
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        context = click.get_current_context(silent=True)
+        command = None if context is None or context.parent is None else context.info_name
+        self._who = f"loopsight {command}" if command else "loopsight"
 
-def _version(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
-    if value:
-        from importlib.metadata import version
-
-        click.echo(f"loopsight {version('loopsight')}")
-        ctx.exit()
+    def show(self, file: IO[Any] | None = None) -> None:
+        """Print the lines."""
+        for line in self.format_message().splitlines():
+            click.echo(f"{self._who}: {visible(line)}", file=file, err=file is None)
 
 
-def version_option() -> click.Option:
-    """Return the option that every command has."""
-    return click.Option(
-        ["--version"],
-        is_flag=True,
-        is_eager=True,
-        expose_value=False,
-        callback=_version,
-        help="Show the version.",
-    )
+class Failed(Refused):
+    """What was asked for is right, and could not be done; exit 1."""
+
+    exit_code = 1
+
+
+class Command(click.Command):
+    """A command with ``--version``, whose usage errors are one line, as all others are."""
+
+    def __init__(self, *arguments: Any, **facts: Any) -> None:
+        super().__init__(*arguments, **facts)
+        self.params.append(
+            click.Option(
+                ["--version"],
+                is_flag=True,
+                is_eager=True,
+                expose_value=False,
+                callback=_version,
+                help="Show the version.",
+            )
+        )
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse; refuse in one line what is wrong."""
+        return _in_one_line(super().parse_args, ctx, args)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run; refuse in one line what is wrong."""
+        return _in_one_line(super().invoke, ctx)
 
 
 def parent_option(command: Callable[..., None]) -> Callable[..., None]:
@@ -38,3 +66,23 @@ def parent_option(command: Callable[..., None]) -> Callable[..., None]:
     return click.option(
         "--parent", type=int, hidden=True, help="End when the process with this id is no longer our parent."
     )(command)
+
+
+def _in_one_line(function: Callable[..., T], *arguments: Any) -> T:
+    try:
+        return function(*arguments)
+    except NoArgsIsHelpError:
+        raise
+    except click.UsageError as error:
+        raise Refused(" ".join(error.format_message().split())) from None
+
+
+def _version(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
+    if value:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            click.echo(f"loopsight {version('loopsight')}")
+        except PackageNotFoundError:  # a checkout that was never installed
+            click.echo("loopsight, not installed")
+        ctx.exit()

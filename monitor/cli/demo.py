@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from .common import Refused
+from .common import Command, Refused
 from .simulate import scenario_loops
 
 
-@click.command(epilog="Example: loopsight demo --seconds 60 --view none --out out")
+@click.command(cls=Command, epilog="Example: loopsight demo --seconds 60 --view none --out out")
 @click.option("--seconds", type=click.FloatRange(min=1), help="End by itself after this time.  [s]")
 @click.option("--view", type=click.Choice(["web", "native", "none"]), default="web", show_default=True)
 @click.option(

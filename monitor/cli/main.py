@@ -8,17 +8,18 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+from collections.abc import Sequence
 
 import click
 
-from .common import version_option
+from .common import Command
 
 COMMANDS = {
     "demo": ("monitor.cli.demo:demo", "A simulated plant, the monitor and a Rerun view in one go."),
     "monitor": ("monitor.cli.monitor:monitor", "The long-running service."),
     "audit": ("monitor.cli.audit:audit", "Fleet audit of historian exports."),
     "tune": ("monitor.cli.tune:tune", "Settings by any tuning rule, with their robustness."),
-    "view": ("monitor.view.process:view_command", "Live or recorded visual inspection in Rerun."),
+    "view": ("monitor.cli.view:view", "Live or recorded visual inspection in Rerun."),
     "status": ("monitor.cli.status:status", "Ask running monitors how they are."),
     "check": ("monitor.cli.check:check", "Validate configuration, loop tables and data."),
     "simulate": (
@@ -28,25 +29,22 @@ COMMANDS = {
 }
 
 
-class Commands(click.Group):
+class Commands(Command, click.Group):
     """Commands that are imported when they are called."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+    def list_commands(self, _ctx: click.Context) -> list[str]:
         """Return the names, in the order in which a newcomer meets them."""
         return list(COMMANDS)
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+    def get_command(self, _ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import a command."""
         if cmd_name not in COMMANDS:
             return None
         module, _, name = COMMANDS[cmd_name][0].partition(":")
-        command = getattr(importlib.import_module(module), name)
-        assert isinstance(command, click.Command)  # noqa: S101
-        if not any(parameter.name == "version" for parameter in command.params):
-            command.params.append(version_option())
+        command: click.Command = getattr(importlib.import_module(module), name)
         return command
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+    def format_commands(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
@@ -54,7 +52,6 @@ class Commands(click.Group):
 
 @click.group(
     cls=Commands,
-    params=[version_option()],
     epilog="Example: loopsight demo",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -65,25 +62,33 @@ def loopsight() -> None:
     """
 
 
-def main() -> None:
-    """Run the command line: every error is one line on stderr, never a traceback."""
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code: every error is one line on stderr, never a traceback.
+
+    Parameters
+    ----------
+    arguments
+        Without the program's name; None: those that the process was started with.
+    """
     try:
-        code = loopsight.main(standalone_mode=False, prog_name="loopsight")
+        code = loopsight.main(arguments, standalone_mode=False, prog_name="loopsight")
     except click.ClickException as error:
-        for line in error.format_message().splitlines():
-            click.echo(f"loopsight: {line}", err=True)
-        code = error.exit_code
+        error.show()
+        return error.exit_code
     except (click.Abort, KeyboardInterrupt):
-        code = 130
+        return 130
     except BrokenPipeError:  # `loopsight ... | head`
-        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115
-        code = 0
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left goes nowhere
+        return 0
     except Exception as error:  # the last line of defence
         if os.environ.get("LOOPSIGHT_DEBUG"):
             raise
-        click.echo(
-            f"loopsight: internal error: {type(error).__name__}: {error} (LOOPSIGHT_DEBUG=1 shows where)",
-            err=True,
-        )
-        code = 1
-    sys.exit(code if isinstance(code, int) else 0)
+        what = f"internal error: {type(error).__name__}: {error} (LOOPSIGHT_DEBUG=1 shows where)"
+        click.echo(f"loopsight: {what}", err=True)
+        return 1
+    return code if isinstance(code, int) else 0
+
+
+def main() -> None:
+    """Run the command line, and end with its exit code."""
+    sys.exit(run())

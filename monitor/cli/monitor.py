@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
-from .common import Refused
+from .common import Command, Refused
 
 
-@click.command(epilog="Example: loopsight monitor --loops loops.csv --connect tcp/10.1.2.3:7447")
+@click.command(cls=Command, epilog="Example: loopsight monitor --loops loops.csv --connect tcp/10.1.2.3:7447")
 @click.option(
     "--config", "file", type=click.Path(dir_okay=False, path_type=Path), help="Configuration (.toml)."
 )

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from .common import Refused, parent_option
+from .common import Command, Refused, parent_option
 
 
 def scenario_loops(name: str, seed: int) -> Any:
@@ -19,7 +19,7 @@ def scenario_loops(name: str, seed: int) -> Any:
     return SCENARIOS[name](seed)
 
 
-@click.command(epilog="Example: loopsight simulate --scenario pumped-tank --hours 4 --out tank")
+@click.command(cls=Command, epilog="Example: loopsight simulate --scenario pumped-tank --hours 4 --out tank")
 @click.option("--loops", type=click.IntRange(min=1, max=200_000), help="A random fleet of this many loops.")
 @click.option("--scenario", help="A named plant, e.g. demo or pumped-tank.")
 @click.option("--plant", type=click.Path(dir_okay=False, path_type=Path), help="A plant file (.toml).")

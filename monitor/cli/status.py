@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from .common import Refused
+from .common import Command, Refused
 
 PATIENCE = 3.0
 """How long monitors may take to answer [s]."""
@@ -16,7 +16,7 @@ REFUSED = (
 )  # fmt: skip
 
 
-@click.command(epilog="Example: loopsight status --json")
+@click.command(cls=Command, epilog="Example: loopsight status --json")
 @click.option("--connect", default="tcp/127.0.0.1:7447", show_default=True, metavar="ENDPOINT")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object for each monitor.")
 def status(connect: str, as_json: bool) -> None:

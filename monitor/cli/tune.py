@@ -7,6 +7,8 @@ from typing import Any
 
 import click
 
+from .common import Command, Refused
+
 EPILOG = """\b
 Examples:
   loopsight tune --rule simc-pi --gain 0.05 --dead-time 6
@@ -17,40 +19,7 @@ Examples:
 """
 
 
-class WrongUseError(click.ClickException):
-    """One line on stderr, exit code 2."""
-
-    exit_code = 2
-
-    def show(self, file: Any = None) -> None:
-        """Print the message as one line."""
-        click.echo(f"loopsight tune: {' '.join(self.format_message().split())}", file=file, err=file is None)
-
-
-class OneLineCommand(click.Command):
-    """A command whose usage errors are one line too."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse, and turn click's three-line complaint into one."""
-        try:
-            return super().parse_args(ctx, args)
-        except click.UsageError as error:
-            raise WrongUseError(error.format_message()) from None
-
-
-def _show_version(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
-    if not value or ctx.resilient_parsing:
-        return
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        click.echo(f"loopsight {version('loopsight')}")
-    except PackageNotFoundError:
-        click.echo("loopsight, not installed")
-    ctx.exit()
-
-
-@click.command(cls=OneLineCommand, epilog=EPILOG)
+@click.command(cls=Command, epilog=EPILOG)
 @click.option("--rule", metavar="NAME|all", help="Tuning rule; see --list.")
 @click.option("--gain", type=float, help="Process gain, signed [PV/(OP s)], self-regulating [PV/OP].")
 @click.option("--dead-time", type=float, help="Dead time [s].")
@@ -77,7 +46,6 @@ def _show_version(ctx: click.Context, _param: click.Parameter, value: bool) -> N
 @click.option("--plot", metavar="FILE", help="Responses to set-point and load step, .png or .svg.")
 @click.option("--json", "as_json", is_flag=True, help="JSON instead of a table.")
 @click.option("--list", "as_list", is_flag=True, help="Name every rule with its source, and every block.")
-@click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_show_version)
 def tune(as_json: bool, as_list: bool, plot: str | None, **options: Any) -> None:
     """Suggest settings by a tuning rule, with robustness and predicted responses.
 
@@ -95,7 +63,7 @@ def tune(as_json: bool, as_list: bool, plot: str | None, **options: Any) -> None
         if plot:
             _plot(plot, curves)
     except ValueError as error:
-        raise WrongUseError(str(error)) from None
+        raise Refused(str(error)) from None
     if as_json:
         import json
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import re
+
+_PUNCTUATION = re.compile(r"([!-/:-@\[-`{-~])")
+
 
 def visible(text: object, most: int | None = None) -> str:
     r"""Return text for a terminal or a log: what does not print, or would turn the line around, as an escape.
@@ -30,3 +34,37 @@ def short(line: str) -> str:
     101
     """
     return line if len(line) <= 120 else f"{line[:60]}...{line[-50:]}"
+
+
+def printable(text: str) -> str:
+    r"""Return text with a ``�`` in place of each character that does not print, or would turn the line around.
+
+    Examples
+    --------
+    >>> printable("LIC\u202e-101")
+    'LIC�-101'
+    """
+    return "".join(c if c.isprintable() else "\ufffd" for c in text)
+
+
+def plain(text: object, most: int = 200) -> str:
+    r"""Return text in one line and at most ``most`` characters, what does not print as ``�``.
+
+    Examples
+    --------
+    >>> plain("LIC-101:\n  too slow", most=12)
+    'LIC-101: to…'
+    """
+    line = printable(" ".join(str(text).split())[: most + 1])
+    return line if len(line) <= most else line[: most - 1] + "…"
+
+
+def escape(text: object, most: int = 200) -> str:
+    r"""Return text as markdown that shows it as it is, in one line: every ASCII punctuation mark is escaped.
+
+    Examples
+    --------
+    >>> print(escape("LIC-101 <b>"))
+    LIC\-101 \<b\>
+    """
+    return _PUNCTUATION.sub(r"\\\1", plain(text, most))

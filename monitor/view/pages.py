@@ -8,35 +8,22 @@ from __future__ import annotations
 
 import json
 import math
-import re
-import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TypeGuard
 
 from monitor.contract.figures import GAIN_UNITS, MEANINGS
+from monitor.contract.text import escape, plain
 
-Row = Mapping[str, Any]
+Row = Mapping[str, object]
+"""A record as it came over the wire: nothing is known of its values."""
 
 TABLE_ROWS = 30
 """Rows of the overview's table: more do not help a reader, and the page is sent anew at each change."""
 
-_PUNCTUATION = re.compile(r"([!-/:-@\[-`{-~])")
 _MODEL = (("gain", "gain μ"), ("t0", "T0"), ("dead_time", "dead time θ"), ("lag", "lag τ₁"))
 _SETTINGS = (("kp", "Kp", "OP/PV"), ("ti", "Ti", "s"), ("td", "Td", "s"), ("tf", "Tf", "s"))
 _PARALLEL = (("kp", "Kp", "OP/PV"), ("ki", "Ki", "OP/(PV s)"), ("kd", "Kd", "OP s/PV"))
 _VERDICTS = (("retune", "to retune"), ("inconclusive", "inconclusive"), ("good", "good"))
-
-
-def plain(text: object, most: int = 200) -> str:
-    """Text in one line and at most ``most`` characters; controls, bidi marks and the like become ``�``."""
-    line = " ".join(str(text).split())
-    line = "".join("\ufffd" if unicodedata.category(c)[0] == "C" else c for c in line[: most + 1])
-    return line if len(line) <= most else line[: most - 1] + "…"
-
-
-def escape(text: object, most: int = 200) -> str:
-    """Text as markdown that shows it as it is: every ASCII punctuation mark is escaped."""
-    return _PUNCTUATION.sub(r"\\\1", plain(text, most))
 
 
 def number(value: object, digits: int = 3) -> str:
@@ -55,6 +42,11 @@ def number(value: object, digits: int = 3) -> str:
         return f"{value:.{digits - 1}e}"
     decimals = max(0, digits - 1 - (math.floor(math.log10(abs(value))) if value else 0))
     return f"{value:.{min(decimals, 8)}f}"
+
+
+def is_number(value: object) -> TypeGuard[int | float]:
+    """Whether a value is a finite number."""
+    return isinstance(value, (int, float)) and math.isfinite(value)
 
 
 def clock(iso: object) -> str:
@@ -165,15 +157,11 @@ def _health(health: Row | None) -> list[str]:
     if not health:
         return ["*Waiting for the monitor's health record.*", ""]
     shown = ("samples_ok", "dropped", "backlog", "queue")
-    facts = [f"{key.replace('_', ' ')} {health[key]:,.0f}" for key in shown if _is_number(health.get(key))]
+    facts = [f"{key.replace('_', ' ')} {health[key]:,.0f}" for key in shown if is_number(health.get(key))]
     rates = health.get("rates")
-    if isinstance(rates, Mapping) and _is_number(rates.get("samples")):
+    if isinstance(rates, Mapping) and is_number(rates.get("samples")):
         facts.insert(0, f"{rates['samples']:,.0f} samples/s")
     return [f"*Monitor {escape(health.get('id', ''), 60)} alive. {', '.join(facts)}*".replace(" *", "*"), ""]
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and math.isfinite(value)
 
 
 def _settings(row: Row) -> list[str]:
@@ -261,7 +249,7 @@ def _event(record: Row) -> list[str]:
 
 def _condition(row: Row) -> list[str]:
     """Show the loop's health figures, those that the data carry."""
-    known = [(name, meaning) for name, meaning in MEANINGS.items() if _is_number(row.get(name))]
+    known = [(name, meaning) for name, meaning in MEANINGS.items() if is_number(row.get(name))]
     if not known:
         return []
     lines = ["## Health", "", "| | | |", "|---|--:|---|"]
@@ -279,7 +267,7 @@ def _percent(share: object) -> float | None:
 def _value(value: object) -> str:
     if value is None:
         return "none"
-    return number(value) if _is_number(value) else plain(value, 40)
+    return number(value) if is_number(value) else plain(value, 40)
 
 
 def _json(value: object) -> object:

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from typing import Any
 
-from . import pages
+from .pages import Row, indices, is_number
 
-SHOWN = 12
+SHOWN_LOOPS = 12
 """Loops with charts of their own: more tabs than this nobody looks at."""
-SWAP = 0.8
+SWAP_SHARE = 0.8
 """A loop takes another's place only when it is this much worse: tabs must not flicker."""
+CI_LIMIT, MS_LIMIT = 0.6, 2.75
+"""Where a loop is flagged by the table's defaults."""
 
 
-class Board:
-    """The loops as the monitor sees them, and which of them are shown. Knows neither Zenoh nor Rerun."""
+class Selection:
+    """The loops as the monitor sees them, and which of them are shown."""
 
-    def __init__(self, most: int = SHOWN) -> None:
-        self.rows: dict[str, dict[str, Any]] = {}
+    def __init__(self, most: int = SHOWN_LOOPS) -> None:
+        self.rows: dict[str, Row] = {}
         """Rows of the flagged loops, and of the pinned one."""
         self.keys: dict[str, str] = {}
         """Their loop keys."""
@@ -27,10 +27,10 @@ class Board:
         self.shown: list[str] = []
         self._verdicts: dict[str, str] = {}
         self._counts: Counter[str] = Counter()
-        self._ranked: list[dict[str, Any]] | None = None
+        self._ranked: list[Row] | None = None
         self._most = most
 
-    def put(self, row: Mapping[str, Any], key: str) -> None:
+    def put(self, row: Row, key: str) -> None:
         """Take over a loop's current row."""
         name, verdict = str(row["loop"]), str(row.get("verdict"))
         self._counts[self._verdicts.get(name, "")] -= 1
@@ -48,7 +48,7 @@ class Board:
         """Loops by verdict."""
         return {verdict: n for verdict, n in self._counts.items() if n > 0}
 
-    def flagged(self) -> list[dict[str, Any]]:
+    def flagged(self) -> list[Row]:
         """Rows of the flagged loops, worst first."""
         if self._ranked is None:
             self._ranked = sorted(
@@ -71,7 +71,7 @@ class Board:
                 stay.append(name)
                 continue
             mildest = max((n for n in stay if n != self.pinned), key=lambda n: by_name[n], default=None)
-            if mildest is None or by_name[name] >= SWAP * by_name[mildest]:
+            if mildest is None or by_name[name] >= SWAP_SHARE * by_name[mildest]:
                 break
             stay[stay.index(mildest)] = name
         stay.sort(key=lambda n: by_name.get(n, -1.0))
@@ -80,14 +80,14 @@ class Board:
         return changed
 
 
-def severity(row: Mapping[str, Any]) -> float:
+def severity(row: Row) -> float:
     """How bad a loop is, 0 the worst: its CI and its Ms against the limits' defaults, whichever is worse."""
     ms = row.get("ms")
-    robust = 2.75 / ms if isinstance(ms, (int, float)) and ms > 0 else 1.0
-    return min([robust, *(max(ci, 0.0) / 0.6 for ci in pages.indices(row))])
+    robust = MS_LIMIT / ms if is_number(ms) and ms > 0 else 1.0
+    return min([robust, *(max(ci, 0.0) / CI_LIMIT for ci in indices(row))])
 
 
-def as_row(assessment: Mapping[str, Any]) -> dict[str, Any]:
+def as_row(assessment: Row) -> Row:
     """Build a loop's row of one event alone, for an event whose loop has none."""
     index = "ci_load" if assessment.get("kind") == "load" else "ci_setpoint"
     return {**assessment, index: assessment.get("ci")}

@@ -18,7 +18,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from monitor.contract.evidence import Floats, Nanos, Pane, Trend, Window
-from monitor.view import pages
+from monitor.contract.text import plain
 
 from . import layout
 
@@ -167,9 +167,9 @@ def close_recording(recording: rr.RecordingStream) -> None:
 
 def entity(loop: str) -> str:
     """Path of a loop's entities: readable where the name is plain, always unique, never a path of its own."""
-    plain = re.sub(r"[^A-Za-z0-9_-]", "_", loop)[:40]
+    readable = re.sub(r"[^A-Za-z0-9_-]", "_", loop)[:40]
     digest = hashlib.blake2b(loop.encode("utf-8", "surrogatepass"), digest_size=4).hexdigest()
-    return f"loop/{plain}-{digest}"
+    return f"loop/{readable}-{digest}"
 
 
 def _page(text: str) -> rr.TextDocument:
@@ -215,7 +215,7 @@ def _blueprint(
 
 def _tab(pane: Pane, legends: Mapping[str, rrb.Corner2D]) -> rrb.Horizontal:
     """One loop: its event above, PV and OP on one time axis; what it does now below; the advice beside."""
-    name, corner = pages.plain(pane.loop, 60), legends.get(pane.loop, rrb.Corner2D.RightTop)
+    name, corner = plain(pane.loop, 60), legends.get(pane.loop, rrb.Corner2D.RightTop)
     other = rrb.Corner2D.RightTop if corner == rrb.Corner2D.RightBottom else rrb.Corner2D.RightBottom
     charts = rrb.Vertical(
         _chart(pane, (ONSET, SP, PV, MODEL), f"{name}: SP, PV and model", corner),
@@ -229,7 +229,7 @@ def _tab(pane: Pane, legends: Mapping[str, rrb.Corner2D]) -> rrb.Horizontal:
 
 def _small_multiples(panes: Sequence[Pane]) -> rrb.Grid:
     """All flagged loops' events side by side."""
-    charts = [_chart(pane, (ONSET, SP, PV, MODEL), pages.plain(pane.loop, 60), None) for pane in panes]
+    charts = [_chart(pane, (ONSET, SP, PV, MODEL), plain(pane.loop, 60), None) for pane in panes]
     return rrb.Grid(*charts, name="All flagged")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import signal
 import subprocess
 import sys
@@ -44,7 +45,7 @@ def refused(*arguments: str, names: str = "") -> str:
     assert done.returncode == 2, (done.stdout, done.stderr)
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
-    assert line.startswith("loopsight: ")
+    assert re.match(r"loopsight( [a-z]+)?: ", line)
     assert "Traceback" not in line
     assert names in line
     return line

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor.contract.text import short, visible
+from monitor.contract.text import escape, plain, printable, short, visible
+from tests.support.hostile import HOSTILE
 
 
 @given(st.text())
@@ -36,3 +37,21 @@ def test_long_text_is_cut():
     line = "a" * 100 + "b" * 100
     assert short(line) == "a" * 60 + "..." + "b" * 50
     assert short("a" * 120) == "a" * 120
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_escape_shows_text_as_it_is(name):
+    """Taking the backslashes away again gives the text; unescaped marks do not remain."""
+    shown = escape(name)
+    line = plain(name)
+    assert "".join(c for i, c in enumerate(shown) if c != "\\" or shown[i - 1 : i] == "\\") == line
+    assert "\n" not in shown
+    assert len(line) <= 200
+
+
+def test_a_line_is_cut():
+    """With a mark where something is left out."""
+    assert plain("x" * 7, 7) == "x" * 7
+    assert plain("x" * 8, 7) == "x" * 6 + "…"
+    assert plain(" a\n\tb ") == "a b"
+    assert printable("a\x00b\u202e") == "a\ufffdb\ufffd"

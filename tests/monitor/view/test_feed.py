@@ -10,7 +10,9 @@ import pytest
 
 from monitor.contract.entries import Message
 from monitor.contract.evidence import Pane
-from monitor.view.feed import LOG_LINES, QUESTIONS, QUIET, Feed
+from monitor.view.feed import LOG_LINES, QUESTIONS, Feed
+from monitor.view.layout import QUIET_TICKS
+from tests.monitor.view.tools import Sketch
 from tests.support.fake_monitor import Loop, arrow, assessment, demo_loops, row, trend_payload, window_payload
 
 
@@ -28,33 +30,6 @@ class Listener:
     def get(self, selector: str, _: Any, timeout: float) -> None:
         assert timeout <= 10.0
         self.asked.append(selector)
-
-
-class Sketch:
-    """Stands for the picture: counts."""
-
-    def __init__(self) -> None:
-        self.now = 1
-        self.windows: list[str] = []
-        self.trends: list[str] = []
-        self.lines: list[str] = []
-        self.pages: dict[str | None, str] = {}
-        self.layouts: list[tuple[list[Pane], str | None]] = []
-
-    def window(self, window: Any) -> None:
-        self.windows.append(window.loop)
-
-    def trend(self, trend: Any) -> None:
-        self.trends.append(trend.loop)
-
-    def log(self, text: str, _level: str, _time: int | None) -> None:
-        self.lines.append(text)
-
-    def page(self, text: str, loop: str | None = None) -> None:
-        self.pages[loop] = text
-
-    def layout(self, panes: list[Pane], active: str | None = None) -> None:
-        self.layouts.append((panes, active))
 
 
 @pytest.fixture
@@ -78,9 +53,9 @@ def test_hears_the_monitor_and_never_the_plant(feed: Feed) -> None:
     feed.tick()
     assert all(key.startswith("loopsight/") for key in session.heard)
     assert [k for k in session.heard if k.endswith(("trend", "window"))] == [
-        f"loopsight/plant/{name}/{leaf}" for name in feed.board.shown for leaf in ("window", "trend")
+        f"loopsight/plant/{name}/{leaf}" for name in feed.selection.shown for leaf in ("window", "trend")
     ]
-    assert len(feed.board.shown) == 2
+    assert len(feed.selection.shown) == 2
     feed.close()
     assert session.heard == []
 
@@ -128,7 +103,7 @@ def test_verdicts_are_asked_for_after_an_assessment(feed: Feed, loop: Loop) -> N
     say(feed, f"loopsight/{loop.key}/status", {**row(loop), "verdict": "good"})
     for _ in range(10):
         feed.tick()
-    assert feed.board.shown == []
+    assert feed.selection.shown == []
     assert feed._picture.layouts[-1][0] == []
     assert "No loop is flagged" in feed._picture.pages[None]
 
@@ -155,7 +130,7 @@ def test_new_evidence_is_laid_out_in_quiet_times(feed: Feed, loop: Loop) -> None
     facts = {"id": "later", "loop": loop.name, "onset": str(later["time"][120])}
     say(feed, f"loopsight/{loop.key}/suggestion", {**row(loop), "evidence": [loop.id, "later"]})
     say(feed, f"loopsight/{loop.key}/window", arrow(later, facts))
-    for _ in range(QUIET - 2):
+    for _ in range(QUIET_TICKS - 2):
         feed.tick()
     before = len(feed._picture.layouts)
     for _ in range(4):

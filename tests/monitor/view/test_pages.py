@@ -8,17 +8,6 @@ import pytest
 from monitor.contract.figures import MEANINGS
 from monitor.view import pages
 from tests.support.fake_monitor import Loop, assessment, row
-from tests.support.hostile import HOSTILE
-
-
-@pytest.mark.parametrize("name", HOSTILE)
-def test_escape_shows_text_as_it_is(name: str) -> None:
-    """Taking the backslashes away again gives the text; unescaped marks do not remain."""
-    shown = pages.escape(name)
-    plain = pages.plain(name)
-    assert "".join(c for i, c in enumerate(shown) if c != "\\" or shown[i - 1 : i] == "\\") == plain
-    assert "\n" not in shown
-    assert len(plain) <= 200
 
 
 def test_pages_of_rows_without_figures() -> None:

@@ -73,7 +73,7 @@ def test_single_event(tmp_path: Path, fake: FakeMonitor) -> None:
     file = tmp_path / "e.rrd"
     options = ["--connect", fake.endpoint, "--view", "none", "--save", str(file)]
     process = subprocess.Popen(
-        [sys.executable, "-m", "monitor.view.process", *options, "--event", loop.id], cwd=ROOT
+        [sys.executable, "-m", "monitor", "view", *options, "--event", loop.id], cwd=ROOT
     )
     try:
         until(lambda: f"window/{loop.id}" in fake.asked)

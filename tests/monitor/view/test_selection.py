@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from monitor.view.selection import Board
+from monitor.view.selection import Selection
 
 
-def test_board_shows_the_worst_and_does_not_flicker() -> None:
+def test_selection_shows_the_worst_and_does_not_flicker() -> None:
     """At most so many; a shown loop yields only to a clearly worse one, or when it is good again."""
-    board = Board(most=3)
+    selection = Selection(most=3)
 
     def put(name: str, ci: float, verdict: str = "retune") -> bool:
-        board.put({"loop": name, "verdict": verdict, "ci_setpoint": ci}, f"plant/{name}")
-        return board.choose()
+        selection.put({"loop": name, "verdict": verdict, "ci_setpoint": ci}, f"plant/{name}")
+        return selection.choose()
 
     assert put("a", 0.5)
     assert put("b", 0.4)
     assert put("c", 0.3)
     assert not put("d", 0.45)  # worse than a, but not by much
     assert put("e", 0.1)
-    assert board.shown == ["e", "c", "b"]
+    assert selection.shown == ["e", "c", "b"]
     assert put("e", 0.9, "good")
-    assert board.shown == ["c", "b", "d"]
-    assert board.counts() == {"retune": 4, "good": 1}
-    assert [r["loop"] for r in board.flagged()] == ["c", "b", "d", "a"]
+    assert selection.shown == ["c", "b", "d"]
+    assert selection.counts() == {"retune": 4, "good": 1}
+    assert [r["loop"] for r in selection.flagged()] == ["c", "b", "d", "a"]

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
+from monitor.contract.evidence import Pane
 from tests.support.places import ROOT
 from tests.support.waiting import PATIENCE
 
@@ -16,5 +18,32 @@ needs_rerun = pytest.mark.skipif(not LINUX, reason="looks at processes in /proc"
 
 def command(*arguments: str) -> subprocess.CompletedProcess[str]:
     """Run the command by itself."""
-    line = [sys.executable, "-m", "monitor.view.process", *arguments]
+    line = [sys.executable, "-m", "monitor", "view", *arguments]
     return subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, check=False)
+
+
+class Sketch:
+    """Stands for the picture: counts."""
+
+    def __init__(self) -> None:
+        self.now = 1
+        self.windows: list[str] = []
+        self.trends: list[str] = []
+        self.lines: list[str] = []
+        self.pages: dict[str | None, str] = {}
+        self.layouts: list[tuple[list[Pane], str | None]] = []
+
+    def window(self, window: Any) -> None:
+        self.windows.append(window.loop)
+
+    def trend(self, trend: Any) -> None:
+        self.trends.append(trend.loop)
+
+    def log(self, text: str, _level: str, _time: int | None) -> None:
+        self.lines.append(text)
+
+    def page(self, text: str, loop: str | None = None) -> None:
+        self.pages[loop] = text
+
+    def layout(self, panes: list[Pane], active: str | None = None) -> None:
+        self.layouts.append((panes, active))

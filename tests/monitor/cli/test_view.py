@@ -12,7 +12,8 @@ import pytest
 
 from monitor.adapters.rerun_view import picture as rerun_picture
 from monitor.adapters.rerun_view import process as rerun_process
-from monitor.view.process import ViewProcess, run
+from monitor.cli.main import run
+from monitor.view.process import ViewProcess
 from monitor.wire.arrow import decode_window
 from tests.monitor.view.tools import command, needs_rerun
 from tests.support.fake_monitor import Loop, window_payload
@@ -38,10 +39,11 @@ def test_wrong_use_is_one_line_and_exit_2(
     arguments: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
-    assert run(arguments.split()) == 2
+    assert run(["view", *arguments.split()]) == 2
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err.count("\n") == 1
+    assert said.err.startswith("loopsight view: ")
 
 
 def test_no_monitor_is_one_line(tmp_path: Path) -> None:
@@ -55,7 +57,7 @@ def test_no_monitor_is_one_line(tmp_path: Path) -> None:
 def test_help_is_light() -> None:
     """``--help`` has an example and loads none of the heavy libraries."""
     heavy = "rerun", "zenoh", "pyarrow", "numpy"
-    code = f"import sys, monitor.view; print([m for m in {heavy} if m in sys.modules])"
+    code = f"import sys, monitor.cli.view; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
     assert "Example: loopsight view" in command("--help").stdout
@@ -67,7 +69,7 @@ def test_recording_is_served(tmp_path: Path, loop: Loop) -> None:
     recording = rerun_picture.open_recording(None, tmp_path / "a.rrd")
     rerun_picture.Picture(recording).window(decode_window(window_payload(loop)))
     rerun_picture.close_recording(recording)
-    line = [sys.executable, "-m", "monitor.view.process", str(tmp_path / "a.rrd")]
+    line = [sys.executable, "-m", "monitor", "view", str(tmp_path / "a.rrd")]
     process = subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, text=True)
     view = ViewProcess(process)
     try:

@@ -1,0 +1,85 @@
+"""``loopsight view``: a live monitor, one event of its history, or a recording, in Rerun."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import click
+
+from .common import Command, Failed, Refused, parent_option
+
+ENDPOINT = "tcp/127.0.0.1:7447"
+
+
+@click.command(cls=Command, epilog="Example: loopsight view --connect tcp/127.0.0.1:7447 --save today.rrd")
+@click.argument("file", metavar="[FILE.rrd]", required=False, type=click.Path(path_type=Path))
+@click.option("--connect", metavar="ENDPOINT", help=f"Zenoh endpoint of a running monitor, e.g. {ENDPOINT}.")
+@click.option("--event", metavar="ID", help="Show this one event of the monitor's history.")
+@click.option(
+    "--view",
+    "how",
+    type=click.Choice(["web", "native", "none"]),
+    default="web",
+    show_default=True,
+    help="Where to show it: a local web page, a window, or nowhere (with --save).",
+)
+@click.option("--save", type=click.Path(dir_okay=False, path_type=Path), help="Record into this .rrd file.")
+@click.option("--open", "browser", is_flag=True, help="Open the web page in the default browser.")
+@parent_option
+def view(
+    file: Path | None,
+    connect: str | None,
+    event: str | None,
+    how: str,
+    save: Path | None,
+    browser: bool,
+    parent: int | None,
+) -> None:
+    """Look at flagged loops in Rerun: live, one event, or a recording.
+
+    Prints one line with the address to open. Everything stays on this machine's loopback interface.
+    """
+    _check(file, connect, event, how, save)
+    from monitor.adapters.process import Stop
+    from monitor.view.drawing import ViewError
+    from monitor.view.process import LAST_WORD_S
+    from monitor.view.run import Wanted, show, watch
+
+    wanted = Wanted(how, save, event or "", browser)
+    with Stop(LAST_WORD_S, 0, parent) as stop:
+        try:
+            if file is None:
+                watch(connect or ENDPOINT, wanted, stop)
+            else:
+                show(file, wanted, stop)
+        except ViewError as error:
+            raise Failed(str(error)) from None
+
+
+def _check(file: Path | None, connect: str | None, event: str | None, how: str, save: Path | None) -> None:
+    """Refuse what does not go together, and what is none."""
+    if file is not None:
+        if connect or event or save:
+            raise Refused("FILE.rrd goes with --view and --open only")
+        _check_recording(file)
+    elif not connect and not event:
+        raise Refused("what to view? Give FILE.rrd, --connect ENDPOINT or --event ID")
+    if how == "none" and (file is not None or save is None):
+        raise Refused("--view none shows nothing: give --save FILE.rrd with it")
+    if event and not re.fullmatch(r"[0-9A-Za-z_-]{1,64}", event):
+        raise Refused(f"--event {event!r} is no event's id")
+    if save is not None and not save.parent.is_dir():
+        raise Refused(f"--save {save}: no such folder")
+    if connect and not re.fullmatch(r"[a-z]+/[^\s/]+(/.*)?", connect):
+        raise Refused(f"--connect {connect!r} is no endpoint such as {ENDPOINT}")
+
+
+def _check_recording(file: Path) -> None:
+    try:
+        with file.open("rb") as f:
+            magic = f.read(3)
+    except OSError as error:
+        raise Refused(f"{file}: {error.strerror}") from error
+    if magic != b"RRF":
+        raise Refused(f"{file}: not a Rerun recording")

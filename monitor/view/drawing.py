@@ -1,0 +1,34 @@
+"""What the view draws on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from monitor.contract.evidence import Pane, Trend, Window
+
+
+class ViewError(RuntimeError):
+    """Nothing can be shown; one line that says why."""
+
+
+class Drawing(Protocol):
+    """A picture; ``monitor.adapters.rerun_view.picture`` is one."""
+
+    now: int
+    """Latest time drawn [ns since 1970], 0 before any."""
+
+    def window(self, window: Window) -> None:
+        """Draw an event's evidence."""
+
+    def trend(self, trend: Trend) -> None:
+        """Draw new samples of a loop."""
+
+    def log(self, text: str, level: str, time: int | None) -> None:
+        """Write a line into the log, as of ``time`` [ns since 1970]; None: now."""
+
+    def page(self, text: str, loop: str | None = None) -> None:
+        """Show markdown as the page of a loop, or as the overview."""
+
+    def layout(self, panes: Sequence[Pane], active: str | None = None) -> None:
+        """Lay out anew: a tab for each of ``panes``, ``active`` in front."""

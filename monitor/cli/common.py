@@ -21,8 +21,8 @@ class Refused(click.ClickException):
     def __init__(self, message: str) -> None:
         super().__init__(message)
         context = click.get_current_context(silent=True)
-        command = None if context is None or context.parent is None else context.info_name
-        self._who = f"loopsight {command}" if command else "loopsight"
+        in_command = context is not None and not isinstance(context.command, click.Group)
+        self._who = f"loopsight {context.command.name}" if context and in_command else "loopsight"
 
     def show(self, file: IO[Any] | None = None) -> None:
         """Print the lines."""

@@ -162,6 +162,7 @@ def test_no_process_is_left(demo):
     until(lambda: all(gone(p) for p in plants))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
 def test_however_it_ends_the_plant_ends_too(number):
     """Told to stop: exit 0 and nothing left; killed: the plant notices."""

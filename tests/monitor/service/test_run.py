@@ -83,7 +83,12 @@ def by_loop(records: Any) -> dict[str, list[dict[str, Any]]]:
     return out
 
 
-@pytest.mark.parametrize("payload", ["tag", "sample", "frame"])
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    "payload", [pytest.param("tag", marks=SLOW), pytest.param("sample", marks=SLOW), "frame"]
+)
 def test_live_over_zenoh_equals_batch(plant, expected, endpoint, tmp_path, payload):
     """Disturbed within the window, in whatever batches the bus makes of it: the engine's records, bit by bit."""
     loops, table, block = plant
@@ -237,12 +242,14 @@ def test_ready_stop_and_all_that_is_stored(plant, start, client):
     assert any("end of the data" in r["reason"] for r in stored.values())
 
 
+@pytest.mark.slow
 def test_sigint_and_idle(start):
     """Ctrl-C without any data: exit 0."""
     monitor = start()
     assert monitor.end(signal.SIGINT) == 0, monitor.said()
 
 
+@pytest.mark.slow
 def test_bad_input_is_counted_and_nothing_stops(plant, start, client):
     """Rubbish, unknown loops, missing values, the future, a publisher that is killed: each its own counter."""
     loops, table, _ = plant
@@ -284,7 +291,7 @@ def test_bad_input_is_counted_and_nothing_stops(plant, start, client):
     assert monitor.said().count("WARNING malformed:") == 3  # once for each key
 
 
-@pytest.mark.parametrize("kills", [3, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [3, 20])
 def test_killed_under_load_loses_nothing_that_was_said(plant, endpoint, tmp_path, kills):
     """SIGKILL at any instant: each assessment that a subscriber received is whole in the monitor's file."""
     loops, table, block = plant
@@ -327,6 +334,7 @@ def test_killed_under_load_loses_nothing_that_was_said(plant, endpoint, tmp_path
     assert acknowledged >= kills
 
 
+@pytest.mark.slow
 def test_history_and_status_over_zenoh(plant, start, client):
     """Queries as the contract writes them, against the running process."""
     loops, table, block = plant
@@ -395,6 +403,7 @@ print(longest, n)
 """Puts at about 1 kHz; says the longest [s] and how many there were."""
 
 
+@pytest.mark.slow
 def test_a_tick_that_stalls_does_not_slow_the_publishers(endpoint):
     """Nobody takes from the ring for seconds: a blocking publisher in another process does not feel it."""
     bus = Bus(open_session("router", listen=[endpoint]))
@@ -418,6 +427,7 @@ def test_a_tick_that_stalls_does_not_slow_the_publishers(endpoint):
     )  # a stalled callback blocks for 5 s; 10 ms is the goal on a machine that is not shared
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs SIGSTOP")
 def test_a_monitor_that_was_frozen_goes_on(plant, start, client):
     """SIGSTOP for a while under load, then on: it takes up again, and counts."""
@@ -453,6 +463,7 @@ def test_a_bus_without_a_router():
         open_session("client", connect=[f"tcp/127.0.0.1:{free_port()}"], options={"connect/timeout_ms": 100})
 
 
+@pytest.mark.slow
 def test_told_to_stop_while_the_kernels_are_compiled(tmp_path, endpoint):
     """SIGTERM during the first start, before anything was heard: exit 0 soon, not the deadline's 1."""
     cache = tmp_path / "cache"

@@ -24,6 +24,7 @@ from tests.support.recordings import read, texts
 from tests.support.waiting import PATIENCE, until
 
 
+@pytest.mark.slow
 def test_late_view_gets_the_current_state(tmp_path: Path, fake: FakeMonitor) -> None:
     """All was said before the view began: it asks, and records pages and windows of the flagged loops."""
     flagged = [loop for loop in fake.loops if loop.verdict == "retune"]
@@ -67,6 +68,7 @@ def test_live_view_draws_what_is_said(tmp_path: Path, fake: FakeMonitor) -> None
     assert any("LIC-101: retune" in line for line in log), log
 
 
+@pytest.mark.slow
 def test_single_event(tmp_path: Path, fake: FakeMonitor) -> None:
     """``--event`` shows one event of the history, even of a good loop; an unknown one is an error."""
     loop = next(loop for loop in fake.loops if loop.verdict == "good")
@@ -96,6 +98,7 @@ def test_single_event(tmp_path: Path, fake: FakeMonitor) -> None:
     assert "knows no event" in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not LINUX, reason="stops a process by signal")
 def test_stalled_view_does_not_delay_a_publisher(tmp_path: Path, fake: FakeMonitor) -> None:
     """While the view is stopped, thousands of puts each take no time; afterwards it can still be ended."""
@@ -137,6 +140,7 @@ def listening(pid: int) -> list[str]:
     return [f"{c.laddr.ip}:{c.laddr.port}" for c in listens]
 
 
+@pytest.mark.slow
 @needs_rerun
 @pytest.mark.parametrize("how", ["killed", "server stalled", "server killed"])
 def test_whatever_dies_takes_the_rest_along(fake: FakeMonitor, how: str) -> None:
@@ -156,6 +160,7 @@ def test_whatever_dies_takes_the_rest_along(fake: FakeMonitor, how: str) -> None
     view.stop()
 
 
+@pytest.mark.slow
 @needs_rerun
 def test_view_ends_with_its_parent(fake: FakeMonitor) -> None:
     """Even when the parent is killed."""

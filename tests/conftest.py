@@ -1,4 +1,4 @@
-"""What holds for all tests: Hypothesis draws anew each time, but the same in CI, and without a deadline anywhere."""
+"""What holds for all tests: one thread for the algebra, and how Hypothesis draws."""
 
 from __future__ import annotations
 
@@ -6,6 +6,12 @@ import os
 
 from hypothesis import HealthCheck, settings
 
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(
+        name, "1"
+    )  # before numpy is imported; threads that wait for 3 x 3 matrices cost minutes
+
+# drawn anew each time, but the same in CI; without a deadline anywhere
 COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}  # a busy machine is no failure
 
 settings.register_profile("random", **COMMON)

@@ -172,6 +172,7 @@ def test_any_order_of_rows_gives_the_same_bytes(tmp_path: Path) -> None:
     assert written[0] == written[1] == written[2]
 
 
+@pytest.mark.slow
 def test_any_workers_and_any_order_of_tasks_give_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -192,7 +192,7 @@ MIXED = [
 ]
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(st.lists(st.integers(0, 20_000_000), min_size=1, max_size=12))
 def test_how_time_is_cut_makes_no_difference(pieces):
     """Pieces in microseconds, down to none and across samples."""

@@ -115,7 +115,7 @@ def arrivals_within(draw, window=2.0, most=50):
 
 
 @given(arrivals_within())
-@settings(max_examples=300)
+@settings(max_examples=150)
 def test_any_order_within_the_window_is_the_sorted_one(drawn):
     """However the arrivals are disturbed within the window and batched, out comes what sorting them gives."""
     arrived, cuts = drawn
@@ -129,7 +129,7 @@ def test_any_order_within_the_window_is_the_sorted_one(drawn):
 
 
 @given(arrivals_within(), st.integers(0, 2**32 - 1))
-@settings(max_examples=200)
+@settings(max_examples=100)
 def test_every_sample_comes_out_or_is_counted(drawn, seed):
     """Of arrivals in any order at all, good ones come out in order, and each is out, late or a repeat."""
     arrived, cuts = drawn

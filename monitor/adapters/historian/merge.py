@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 from zoneinfo import ZoneInfo
 
-import numba
 import numpy as np
 
+from monitor.compiled import jit_nogil
 from monitor.contract.samples import Samples, join
 
 from .clock import MissingHourError, to_utc
@@ -22,9 +21,6 @@ from .layout import LONG
 from .reader import read
 from .rows import HOLD_OP, HOLD_SP, Rows, Tally, UnusableError, join_rows
 from .source import Source
-
-jit: Any = numba.njit(cache=True, nogil=True)
-"""Compiled, cached on disk; lets the reading thread run beside it."""
 
 MOST_SORTED = 16_000_000
 """Rows sorted at a time, unless one loop alone has more: about 1.5 GB."""
@@ -89,7 +85,7 @@ class _Gate:
         return samples.take(keep) if outside or duplicate else samples
 
 
-@jit
+@jit_nogil  # the reading thread runs beside it
 def _pass(loop, time, sp, pv, op, auto, since, until, last, values, mode, rows, keep, out):  # type: ignore[no-untyped-def]
     """Mark the rows to keep; return how many are outside, duplicates, conflicts; -1: out of order."""
     outside = duplicate = conflict = 0
@@ -115,7 +111,7 @@ def _pass(loop, time, sp, pv, op, auto, since, until, last, values, mode, rows, 
     return outside, duplicate, conflict
 
 
-@jit
+@jit_nogil  # the reading thread runs beside it
 def _fill(loop, time, hold, sp, op, last, held):  # type: ignore[no-untyped-def]
     """Put each loop's last set point and output where a row did not write them again (in place)."""
     for k in range(len(time)):
@@ -129,7 +125,7 @@ def _fill(loop, time, hold, sp, op, last, held):  # type: ignore[no-untyped-def]
             held[i, 0], held[i, 1] = sp[k], op[k]
 
 
-@jit
+@jit_nogil  # the reading thread runs beside it
 def _differ(a, b):  # type: ignore[no-untyped-def]
     return a != b and not (np.isnan(a) and np.isnan(b))
 

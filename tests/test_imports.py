@@ -48,14 +48,13 @@ OUTSIDE = {
     *("multiprocessing", "asyncio", "sqlite3", "click", "rich", "pyarrow", "pandas", "zenoh", "rerun"),
 }
 """A station knows no clock, file, socket, thread and log."""
-CALENDAR = {"monitor/contract/times.py"}
-"""Reads and writes times, by ``datetime``; looks at no clock."""
+FOR_A_REASON = {
+    "monitor/contract/times.py": {"datetime"},  # reads and writes times; looks at no clock
+    "monitor/compiled.py": {"pathlib"},  # looks at our sources, and at no file of a user
+}
 
 HOMES: dict[str, set[str]] = {
-    "numba": {
-        *("monitor/compiled.py", "sim_plants/kernel.py"),
-        "monitor/adapters/historian/merge.py",  # lets go of the lock: reading and detection each have a core
-    },
+    "numba": {"monitor/compiled.py", "sim_plants/kernel.py"},
     "zenoh": {"monitor/adapters/zenoh_bus.py"},
     "sqlite3": {"monitor/adapters/store.py"},
     "rerun": {f"monitor/adapters/rerun_view/{n}.py" for n in ("picture", "layout")},
@@ -169,8 +168,7 @@ def test_no_circles() -> None:
 
 @pytest.mark.parametrize("path", [p for p in files("monitor") if station(module(p)) in PURE], ids=named)
 def test_a_station_is_pure(path: Path) -> None:
-    outside = OUTSIDE - ({"datetime"} if named(path) in CALENDAR else set())
-    assert not imported(path) & outside
+    assert imported(path) & OUTSIDE == FOR_A_REASON.get(named(path), set())
 
 
 @pytest.mark.parametrize("library", HOMES)

@@ -47,9 +47,7 @@ def start_own(*arguments: str, stdout: int | None = None) -> subprocess.Popen[st
         The process cannot be started.
     """
     line = [sys.executable, "-m", "monitor", *arguments, "--parent", str(os.getpid())]
-    return subprocess.Popen(  # noqa: S603 (our own program and arguments)
-        line, stdin=subprocess.DEVNULL, stdout=stdout, text=True, start_new_session=True
-    )
+    return _start(line, stdout=stdout, text=True, start_new_session=True)
 
 
 def start_foreign(
@@ -64,13 +62,12 @@ def start_foreign(
     OSError
         The process cannot be started.
     """
-    return subprocess.Popen(  # noqa: S603 (the caller's program and arguments)
+    return _start(
         line,
-        stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=errors,
         env=environment,
-        preexec_fn=_follow_parent if LINUX else None,  # noqa: PLW1509 (one system call, no lock)
+        preexec_fn=_follow_parent if LINUX else None,
     )
 
 
@@ -83,6 +80,10 @@ def end(child: subprocess.Popen[Any], within: float = END_WITHIN_S) -> None:
         except subprocess.TimeoutExpired:
             child.kill()
     child.wait()
+
+
+def _start(line: Sequence[str], **how: Any) -> subprocess.Popen[Any]:
+    return subprocess.Popen(line, stdin=subprocess.DEVNULL, **how)  # noqa: S603 (our own, or the caller's program)
 
 
 def _follow_parent() -> None:

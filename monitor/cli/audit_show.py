@@ -17,7 +17,7 @@ from monitor.audit.tasks import Progress as State
 from monitor.contract.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow
 from monitor.contract.text import visible
 
-SHOWN = 20
+SHOWN_LOOPS = 20
 """Loops on the terminal; the files have all."""
 _STYLES = {RETUNE: "bold red", INCONCLUSIVE: "yellow", GOOD: "green", NOT_ASSESSED: "dim"}
 
@@ -58,9 +58,9 @@ def show(result: AuditResult) -> None:
     if result.exit_code:
         return
     if result.rows:
-        console.print(_table(result.rows[:SHOWN]))
-        if len(result.rows) > SHOWN:
-            console.print(f"... and {len(result.rows) - SHOWN} more in {result.files[0].name}")
+        console.print(_table(result.rows[:SHOWN_LOOPS]))
+        if len(result.rows) > SHOWN_LOOPS:
+            console.print(f"... and {len(result.rows) - SHOWN_LOOPS} more in {result.files[0].name}")
     c = result.counts
     console.print(
         f"{c['loops']} loops, {c['events']} events, {c['ok']} of {c['rows']} samples used: "

@@ -28,9 +28,9 @@ MODEL_COLOUR, ONSET_COLOUR = (235, 60, 60), (190, 120, 255)
 ONSET, SP, PV, MODEL = "1-onset", "2-sp", "3-pv", "4-model"
 ONSET_OP, OP = "5-onset", "6-op"
 """Series by path: Rerun draws in the order of paths, and the thin model belongs on top of the data."""
-LIVE_SPAN = 600.0
+LIVE_SPAN_S = 600.0
 """Least span of the live strip [s]: a control engineer's ten minutes."""
-MARGIN = 0.04
+MARGIN_SHARE = 0.04
 """Air at both ends of an event's chart, as a share of its window."""
 
 
@@ -251,7 +251,7 @@ def _event(pane: Pane) -> dict[str, Any]:
     """Both axes' data: the event's window with some air. Without a window: all there is."""
     if pane.end <= pane.start:
         return {}
-    air = int(MARGIN * (pane.end - pane.start))
+    air = int(MARGIN_SHARE * (pane.end - pane.start))
     absolute = rrb.TimeRangeBoundary.absolute
     start, end = absolute(nanos=pane.start - air), absolute(nanos=pane.end + air)
     return {
@@ -261,8 +261,8 @@ def _event(pane: Pane) -> dict[str, Any]:
 
 
 def _recent(pane: Pane) -> dict[str, Any]:
-    """Axis and data: the last window's length before the cursor, at least ``LIVE_SPAN``."""
-    seconds = max(LIVE_SPAN, (pane.end - pane.start) / 1e9)
+    """Axis and data: the last window's length before the cursor, at least ``LIVE_SPAN_S``."""
+    seconds = max(LIVE_SPAN_S, (pane.end - pane.start) / 1e9)
     relative = rrb.TimeRangeBoundary.cursor_relative
     start, end = relative(seconds=-seconds), relative()
     return {

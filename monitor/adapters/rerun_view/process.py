@@ -56,13 +56,14 @@ class RerunProcess:
     """A running program of Rerun's. ``proxy`` is where to log to, ``url`` what to open."""
 
     def __init__(self, arguments: Sequence[str], ports: Sequence[int], deadline: float) -> None:
-        self._settings = tempfile.TemporaryDirectory(prefix="loopsight-view-")
-        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by stop
+        self._folder = tempfile.TemporaryDirectory(prefix="loopsight-view-")
+        self._errors = Path(self._folder.name) / "errors"
         self.proxy = f"rerun+http://127.0.0.1:{ports[0]}/proxy"
         self.url = self.proxy
         self.page: Page | None = None
         line = [str(program()), "--bind", "127.0.0.1", "--port", str(ports[0]), *arguments]
-        self.process = start_foreign(line, environment=self._environment(), errors=self._errors)
+        with self._errors.open("wb") as errors:
+            self.process = start_foreign(line, environment=self._environment(), errors=errors)
         try:
             self._await(ports, deadline)
         except RerunError:
@@ -79,12 +80,11 @@ class RerunProcess:
             self.page.stop()
             self.page = None
         end(self.process, patience)
-        self._errors.close()
-        self._settings.cleanup()
+        self._folder.cleanup()
 
     def _environment(self) -> dict[str, str]:
         """Telemetry off for this child alone; the user's own choice for Rerun stays as it is."""
-        folder = Path(self._settings.name) / "rerun"
+        folder = Path(self._folder.name) / "rerun"
         folder.mkdir()
         file = folder / "analytics.json"
         off = {"analytics_enabled": False, "analytics_id": "none", "metadata": {}}
@@ -93,7 +93,7 @@ class RerunProcess:
             "data_dir_path": str(folder),
         }  # a field less, and it is refused
         file.write_text(json.dumps(off | places))
-        return {**os.environ, "XDG_CONFIG_HOME": self._settings.name, "RUST_LOG": "error"}
+        return {**os.environ, "XDG_CONFIG_HOME": self._folder.name, "RUST_LOG": "error"}
 
     def _await(self, ports: Sequence[int], deadline: float) -> None:
         """Return when all ports answer."""
@@ -106,8 +106,7 @@ class RerunProcess:
                 time.sleep(0.02)
 
     def _last_error(self) -> str:
-        self._errors.seek(0)
-        lines = self._errors.read().decode(errors="replace").strip().splitlines()
+        lines = self._errors.read_text(encoding="utf-8", errors="replace").strip().splitlines()
         return lines[-1][:300] if lines else f"exit {self.process.returncode}"
 
 

@@ -30,7 +30,7 @@ def test_telemetry_is_off() -> None:
         with pytest.raises(urllib.error.HTTPError, match="403") as refused:
             urllib.request.urlopen(posing, timeout=PATIENCE)
         refused.value.close()
-        facts = msgspec.json.decode((Path(server._settings.name) / "rerun" / "analytics.json").read_bytes())
+        facts = msgspec.json.decode((Path(server._folder.name) / "rerun" / "analytics.json").read_bytes())
         assert facts["analytics_enabled"] is False
     finally:
         server.stop()

@@ -89,3 +89,5 @@ jit = _compiler()
 """Compiled, cached on disk; 0/0 is NaN as in NumPy."""
 jit_nogil = _compiler(nogil=True)
 """As `jit`; lets other threads run beside it."""
+unrolled: Any = numba.literal_unroll
+"""A loop over names, written out when it is compiled: each name is a record's field of its own type."""

@@ -13,76 +13,82 @@ import numpy as np
 
 from monitor.compiled import jit
 
-from .autocorrelation import BLOCK, products
+from .block import BLOCK_LENGTH, add_products
+from .fields import halving
 
-LAGS = 30
+COVARIANCE_LAGS = 30
 """Autocovariances kept, the first the variance."""
-ORDER = 20
+MODEL_ORDER = 20
 """Of the autoregressive model."""
-LEAST = 16.0
+HARRIS_BLOCKS = 16.0
 """Blocks without which nothing is said: a thousand samples."""
 
-_f = np.float64
-FIELDS = [("har_n", _f), ("har_sum", _f), ("har_cov", _f, (LAGS,))]
+SUMS: list[Any] = [
+    ("blocks", "f8"),  # blocks of 64 samples without a step of the set point
+    ("error", "f8"),  # [PV] of their samples
+    ("covariance", "f8", (COVARIANCE_LAGS,)),  # [PV^2] mean products of errors 0, 1, 2, ... samples apart
+]
+RUNNING: list[Any] = []
+KEPT: list[Any] = []
+DTYPE = np.dtype([*SUMS, *RUNNING, *KEPT])
+
+decay = halving(SUMS)
 
 
 @jit
-def correlate(h):
-    """Add the block of the error that is full."""
-    x = np.zeros(BLOCK + LAGS)
+def update_block(own, block):
+    """Add a block of errors [PV] in which the set point has not stepped."""
+    x = np.zeros(BLOCK_LENGTH + COVARIANCE_LAGS)
     total = 0.0
-    for i in range(BLOCK):
-        x[i] = h.block[0, i]
+    for i in range(BLOCK_LENGTH):
+        x[i] = block[i]
         total += x[i]
-    h.har_n += 1.0
-    h.har_sum += total
-    r = np.zeros(LAGS)
-    products(x, r)
-    for lag in range(LAGS):
-        h.har_cov[lag] += r[lag] / (BLOCK - lag)
+    own.blocks += 1.0
+    own.error += total
+    r = np.zeros(COVARIANCE_LAGS)
+    add_products(x, r)
+    for lag in range(COVARIANCE_LAGS):
+        own.covariance[lag] += r[lag] / (BLOCK_LENGTH - lag)
 
 
-@jit
-def fade(h):
-    """Halve the sums."""
-    h.har_n *= 0.5
-    h.har_sum *= 0.5
-    for i in range(LAGS):
-        h.har_cov[i] *= 0.5
-
-
-def harris_of(h: Any, delay: int) -> float | None:
+def harris_of(own: Any, delay: int) -> float | None:
     """Return the minimum variance over that of the error, 1 where a controller can do no better.
 
     Parameters
     ----------
-    h
+    own
         A loop's sums.
     delay
         Dead time in whole samples. The index holds for the loop's own sampling.
     """
-    n = float(h["har_n"])
-    if n < LEAST or not 1 <= delay < LAGS:
+    n = float(own["blocks"])
+    if n < HARRIS_BLOCKS or not 1 <= delay < COVARIANCE_LAGS:
         return None
-    mean = float(h["har_sum"]) / (n * BLOCK)
-    cov = h["har_cov"] / n - mean * mean
+    mean = float(own["error"]) / (n * BLOCK_LENGTH)
+    cov = own["covariance"] / n - mean * mean
     if not cov[0] > 1e-9 * mean * mean:
         return None
     model, left = _levinson(cov / cov[0])
     response = np.zeros(delay)
     response[0] = 1.0
     for k in range(1, delay):
-        m = min(k, ORDER)
+        m = min(k, MODEL_ORDER)
         response[k] = float(model[:m] @ response[k - m : k][::-1])
     share = float(left * (response @ response))
     return min(max(share, 0.0), 1.0) if math.isfinite(share) else None
 
 
+def spread_of(own: Any) -> float | None:
+    """Return the root mean square of the error [PV], None before a block is full."""
+    n = float(own["blocks"])
+    return math.sqrt(max(float(own["covariance"][0] / own["blocks"]), 0.0)) if n > 0 else None
+
+
 def _levinson(acf: Any) -> tuple[Any, float]:
     """Solve the Yule-Walker equations; return the coefficients and the share of the variance that is left."""
-    a = np.zeros(ORDER)
+    a = np.zeros(MODEL_ORDER)
     left = 1.0
-    for k in range(ORDER):
+    for k in range(MODEL_ORDER):
         reflection = (acf[k + 1] - a[:k] @ acf[k:0:-1]) / left
         if abs(reflection) >= 1.0:  # an estimate that is not positive definite: stop at the order before
             break

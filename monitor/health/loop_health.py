@@ -6,37 +6,29 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from . import harris, measurement, saturation, tag_mapping, travel
-from .oscillation import strongest, too_fast
+from . import coverage, harris, measurement, offset, saturation, tag_mapping, travel
+from .oscillation import any_block, strongest, too_fast
 from .stiction import stiction_of
 
-SHARE = 0.05
-"""Share of the time from which on a frozen PV counts."""
-IDLE = 0.8
-"""Share of the time at rest from which on a loop counts as idle."""
-SATURATED = 0.1
+SATURATED_SHARE = 0.1
 """Share of the time at its limits from which on a limit cycle is the limits', not the valve's."""
-OSCILLATES = 0.5
+OSCILLATING_REGULARITY = 0.5
 """Regularity from which on a loop oscillates."""
-RESOLVED = 2.0
+SHAPE_STEPS = 2.0
 """Steps of PV that an oscillation's amplitude must have for its shape to be seen."""
-PERMANENT = 2.0
-"""Mean error over the standard deviation of its means over 64 samples, from which on it never goes away."""
-VISIBLE = 0.5
-"""Least permanent offset, in standard deviations of noise or steps of PV."""
-MEANS = 10.0
-"""Blocks without which an offset is not called permanent."""
-MOST_COMPRESSED = 0.5
+HARRIS_COMPRESSION = 0.5
 """Compression above which a Harris index means nothing (half the values are made up)."""
-COARSE = 1.0
+HARRIS_QUANTUM_SD = 1.0
 """Step of PV over the error's standard deviation above which a Harris index means nothing."""
+HARRIS_SAMPLES = 0.5
+"""Samples in a dead time without which the sampling does not resolve it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Health:
     """A loop's health so far; most fields are columns of the loop's row, None where nothing can be said.
 
-    Times, offset, mean error, way of OP and the oscillation's period are the same at any sampling that follows the
+    Times, offset, mean error, path of OP and the oscillation's period are the same at any sampling that follows the
     loop; reversals, noise, regularity and the Harris index hold for the loop's own sampling.
     """
 
@@ -53,9 +45,9 @@ class Health:
     quantum: float | None = None
     """Step of which PV's changes are multiples [PV]; None for a PV that has none, or none near its noise."""
     travel_per_hour: float | None = None
-    """Way of OP in swings of more than three standard deviations of its own noise [OP/h]."""
+    """Path of OP in swings of more than three standard deviations of its own noise [OP/h]."""
     reversals_per_hour: float | None = None
-    """Turns of that way [1/h]."""
+    """Turns of that path [1/h]."""
     oscillation_period: float | None = None
     """[s]; None for a loop that does not oscillate, or with cycles of all lengths."""
     oscillation_regularity: float | None = None
@@ -91,92 +83,83 @@ class Health:
     """Whether the response is over before it is seen."""
 
 
-def figures(h: Any, period: float, dead_time: float | None = None) -> Health:
+def figures(health: Any, period: float, dead_time: float | None = None) -> Health:
     """Read a loop's health.
 
     Parameters
     ----------
-    h
-        Its running sums (dtype `HEALTH`).
+    health
+        Its record (dtype `HEALTH`).
     period
         Of its samples [s], 0 where it is not known.
     dead_time
         If known [s]: for the Harris index.
     """
-    wall, good, auto = (float(h[n]) for n in ("wall_time", "good_time", "auto_time"))
-    if wall <= 0 or good <= 0:
+    watched, measured = health["coverage"], health["measurement"]
+    good, auto = float(watched["good_time"]), float(watched["auto_time"])
+    if watched["wall_time"] <= 0 or good <= 0:
         return Health()
     out: dict[str, Any] = {
-        "coverage": min(good / wall, 1.0),
-        "manual": min(float(h["manual_time"]) / good, 1.0),
-        "noise": measurement.noise_of(h),
-        "quantum": measurement.quantum_of(h),
-        "compression": measurement.compression_of(h),
-        "stuck": bool(h["stuck_time"] > SHARE * good),
-        "idle": bool(h["idle_time"] > IDLE * good),
+        "coverage": coverage.coverage_of(watched),
+        "manual": coverage.manual_of(watched),
+        "noise": measurement.noise_of(measured),
+        "quantum": measurement.quantum_of(measured),
+        "compression": measurement.compression_of(measured),
+        "stuck": measurement.is_stuck(measured, good),
+        "idle": measurement.is_idle(measured, good),
     }
     if auto > 0:
-        out |= _of_control(h, auto, period)
-        out |= _of_cycles(h, out)
-        out["harris"] = _harris(h, float(h["spacing"]), dead_time, out)
+        out |= _of_control(health, auto, period, out)
+        out |= _of_cycles(health["autocorrelation"], out)
+        spacing = float(health["autocorrelation"]["spacing"])
+        out["harris"] = _harris(health["harris"], spacing, dead_time, out)
     known: dict[str, Any] = {k: v for k, v in out.items() if not isinstance(v, float) or math.isfinite(v)}
     return Health(**known)
 
 
-def _of_control(h: Any, auto: float, period: float) -> dict[str, Any]:
+def _of_control(health: Any, auto: float, period: float, known: dict[str, Any]) -> dict[str, Any]:
     """Return what concerns the time in automatic ``auto`` [s]; ``period``: of the samples [s]."""
-    way, turns = travel.travel_of(h, period)
-    held = min(float(h["held_time"]) / auto, 1.0)
-    tracking = tag_mapping.tracking_of(h)
+    error, op, tags = health["offset"], health["saturation"], health["tag_mapping"]
+    noise, quantum = known["noise"] or 0.0, known["quantum"] or 0.0
+    path, turns = travel.travel_of(health["travel"], period, saturation.never_moved(op))
     return {
-        "saturation": saturation.saturation_of(h, auto),
-        "offset": float(h["sum_e"]) / auto,
-        "op_noise": float(h["op_noise"]) if h["op_known"] > 0 else None,
-        "mean_abs_e": float(h["abs_e"]) / auto,
-        "settled_offset": _permanent(h),
-        "travel_per_hour": way,
+        "saturation": saturation.saturation_of(op, auto),
+        "offset": offset.offset_of(error, auto),
+        "op_noise": travel.noise_of(health["travel"]),
+        "mean_abs_e": offset.mean_size_of(error, auto),
+        "settled_offset": offset.is_permanent(error, max(noise, quantum)),
+        "travel_per_hour": path,
         "reversals_per_hour": turns,
-        "held": max(held, tracking if tracking > tag_mapping.EXACT else 0.0),
-        "sp_moving": tag_mapping.sp_moving_of(h),
-        "mapping": tag_mapping.mapping_of(h) or tracking > tag_mapping.EXACT,
-        "config_change": bool(h["w_units"] >= 0.5),
-        "undersampled": tag_mapping.undersampled_of(h, measurement.noise_of(h) or 0.0) or too_fast(h),
+        "held": max(saturation.held_of(op, auto), tag_mapping.tracking_of(tags)),
+        "sp_moving": tag_mapping.sp_moving_of(tags),
+        "mapping": tag_mapping.mapping_of(tags),
+        "config_change": tag_mapping.unit_changed(tags),
+        "undersampled": tag_mapping.undersampled_of(tags, noise) or too_fast(health["autocorrelation"]),
     }
 
 
-def _permanent(h: Any) -> bool:
-    """Whether the error's mean is far from zero for good: integral action would have brought it back."""
-    n = float(h["mean_n"])
-    if n < MEANS:
-        return False
-    mean = float(h["mean_1"]) / n
-    spread = math.sqrt(max(float(h["mean_2"]) / n - mean * mean, 0.0))
-    least = VISIBLE * max(measurement.noise_of(h) or 0.0, measurement.quantum_of(h) or 0.0)
-    return abs(mean) > max(PERMANENT * spread, least) and mean != 0.0
-
-
-def _of_cycles(h: Any, known: dict[str, Any]) -> dict[str, Any]:
-    """Return oscillation and stiction."""
-    found = strongest(h)
+def _of_cycles(error: Any, known: dict[str, Any]) -> dict[str, Any]:
+    """Return oscillation and stiction, of the ``error``'s autocorrelation."""
+    found = strongest(error)
     if found is None:
-        return {"oscillation_regularity": 0.0 if h["blocks"][0] > 0 else None}
+        return {"oscillation_regularity": 0.0 if any_block(error) else None}
     quantum = known["quantum"] or 0.0
-    oscillating = found.regularity >= OSCILLATES and found.amplitude > quantum
+    oscillating = found.regularity >= OSCILLATING_REGULARITY and found.amplitude > quantum
     out: dict[str, Any] = {"oscillation_regularity": found.regularity, "oscillating": oscillating}
     if oscillating:
         out["oscillation_period"] = None if found.uneven else found.period
-        if found.amplitude > RESOLVED * quantum and known.get("saturation", 0.0) < SATURATED:
-            out["stiction"] = stiction_of(h, found.level)
+        if found.amplitude > SHAPE_STEPS * quantum and known["saturation"] < SATURATED_SHARE:
+            out["stiction"] = stiction_of(error["levels"][found.level]["cycles"])
     return out
 
 
-def _harris(h: Any, period: float, dead_time: float | None, known: dict[str, Any]) -> float | None:
+def _harris(own: Any, period: float, dead_time: float | None, known: dict[str, Any]) -> float | None:
     """Return the Harris index where its conditions hold: a dead time that the sampling resolves, data as measured."""
-    if dead_time is None or period <= 0 or dead_time < 0.5 * period or not h["har_n"] > 0:
+    if dead_time is None or period <= 0 or dead_time < HARRIS_SAMPLES * period:
         return None
-    if (known["compression"] or 0.0) > MOST_COMPRESSED:
+    if (known["compression"] or 0.0) > HARRIS_COMPRESSION:
         return None
-    spread = math.sqrt(max(float(h["har_cov"][0] / h["har_n"]), 0.0))
-    if (known["quantum"] or 0.0) > COARSE * spread:
+    spread = harris.spread_of(own)
+    if spread is None or (known["quantum"] or 0.0) > HARRIS_QUANTUM_SD * spread:
         return None
-    return harris.harris_of(h, round(dead_time / period))
+    return harris.harris_of(own, round(dead_time / period))

@@ -9,276 +9,291 @@ import numpy as np
 
 from monitor.compiled import jit
 
-SMOOTH, UNWHITE = 0.5, 0.12
+from .fields import clearing, halving
+from .variance_jump import VARIANCE_JUMP_BLOCKS, blocks_in_jump, clipped
+
+SMOOTH_SHARE, UNWHITE_ACF = 0.5, 0.12
 """Largest share of second differences' variance that may be the process's, and by how much the autocorrelation at
 lag 2 may lie below what white noise and a smooth process make; a random walk lies 0.25 below, a lag 0.2 and more."""
-FROZEN = 30
+FROZEN_SAMPLES = 30
 """Samples for which PV must be exactly the same to count as frozen, or idle if SP and OP rest too."""
-UNUSUAL = 10.0
+UNUSUAL_STAYS = 10.0
 """And that many times its usual stay at a value: a coarse PV dwells."""
-LEAST_STUCK = 300
+STUCK_SAMPLES = 300
 """Samples for which it must rest once OP has begun to move: a dead time is none."""
-MOVED = 6.0
-"""Standard deviations of its noise that OP must have moved meanwhile."""
-FIT, TRIES, FITTING = 0.02, 20.0, 0.95
-"""A change of PV fits a step if it is a whole multiple within this; so many changes tell, of which so many must fit.
-By chance, one in 25 fits."""
-LOUD = 1.0
-"""Logarithm of a block's variance above the mean logarithm, at most; that of noise has a standard deviation of 0.3."""
-LOUDER = 8
-"""Quiet blocks that are too loud, one after the other, after which the noise is another one, and learnt anew."""
-RESTLESS = 0.1
+OP_MOVED_SD, OP_MOVED_SHARE = 6.0, 0.05
+"""Standard deviations of its noise that OP must have moved meanwhile, and the share of its range."""
+FIT_STEPS, FIT_CHANGES, FIT_SHARE = 0.02, 20.0, 0.95
+"""A change of PV fits a step if it is a whole multiple within this; so many changes tell, of which this share must
+fit. By chance, one in 25 fits."""
+STUCK_TIME_SHARE, IDLE_TIME_SHARE = 0.05, 0.8
+"""Shares of the time from which on a frozen PV counts, and a loop is called idle."""
+EVENTFUL_WEIGHT = 0.1
 """Weight of a block in which an event ran: it counts where there is hardly another."""
-FAR = 500.0
+FAR_STEPS = 500.0
 """Steps in a change beyond which it tells nothing of the step."""
-FINE = 0.05
+FORMAT_SD = 0.05
 """A step below this share of the noise is the number format's, not the transmitter's."""
-STRAIGHT = 1e-4
+STRAIGHT_SHARE = 1e-4
 """Second difference over first below which three values lie on a line: in noise, one in ten thousand does; a
 response sampled 10,000 times in a time constant would."""
-SAME = 3.0
+SINGLE_STEPS = 5.5
+"""Steps of a coarse PV up to which a change is no part of a line: one or a few in a row are none."""
+SMALLER_CHANGES = 3.0
 """Times that a change smaller than the step must be seen, more often than others, to be the step: once is a glitch."""
-SHORT_STAY = 64
+STAY_SAMPLES = 64
 """Samples of an unmoved PV that an archive's deadband may explain; longer, it rests."""
-TELLS = 50.0
-"""Pairs of changes, or stays, without which nothing is said of compression."""
-WIDE = 50.0
+ARCHIVE_COUNT = 50.0
+"""Intervals, pairs of changes, or stays, without which they say nothing of compression."""
+GAP_INTERVALS = 50.0
 """Times the usual interval at which an interval is cut: a gap is no compression."""
-QUANTILE = 0.1
+INTERVAL_QUANTILE = 0.1
 """Of the intervals: taken as the rate at which was sampled before compression."""
-
-JITTER = 0.02
+JITTER_SHARE = 0.02
 """Relative difference of intervals that count as the same."""
 
-_f, _i = np.float64, np.int64
-FIELDS = [
-    *[(n, _f) for n in ("pv_d", "pv_dd", "pv_dt", "pv_q0", "pv_q1", "pv_log", "pv_rho", "pv_known")],
-    ("pv_loud", _f),
-    *[(n, _f) for n in ("pv_older", "pv_q2", "pv_rho2")],
-    *[
-        (n, _f)
-        for n in (
-            "pv_step",
-            "pv_tries",
-            "pv_fits",
-            "pv_changes",
-            "pv_pairs",
-            "pv_lines",
-            "pv_small",
-            "pv_same",
-        )
-    ],
-    *[(n, _f) for n in ("pv_stays", "pv_stayed", "pv_n", "stuck_time", "idle_time", "still_op", "still_way")],
-    *[(n, _f) for n in ("dt_low", "dt_sum", "dt_n")],
-    ("pv_rest", _i),
-    ("all_rest", _i),
-    ("pv_seen", _i),
-    ("still_run", _i),
+SUMS: list[Any] = [
+    # noise: over blocks of 64 samples, each with its weight
+    ("log_variance", "f8"),  # ln of the mean square of second differences [ln PV^2]
+    ("acf_1", "f8"),  # autocorrelation of second differences at lag 1
+    ("acf_2", "f8"),  # and at lag 2
+    ("blocks", "f8"),  # weights
+    # the transmitter's step
+    ("tries", "f8"),  # changes held against the step
+    ("fits", "f8"),  # whole multiples of it among them
+    # frozen, idle
+    ("samples", "f8"),
+    ("changes", "f8"),  # samples at which PV is another
+    ("stuck_time", "f8"),  # [s] at rest while OP moves
+    ("idle_time", "f8"),  # [s] at rest like SP and OP
+    # compression
+    ("pairs", "f8"),  # two changes, one after the other
+    ("lines", "f8"),  # those that lie on a line
+    ("stays", "f8"),  # short rests that are over
+    ("stayed", "f8"),  # samples in these
+    ("interval_time", "f8"),  # [s] intervals between samples, long ones cut
+    ("intervals", "f8"),
 ]
+BLOCK_SUMS: list[Any] = [
+    ("squares", "f8"),  # [PV^2] second differences of the block that fills, squared
+    ("products_1", "f8"),  # [PV^2] times the one before
+    ("products_2", "f8"),  # [PV^2] times the last but one
+]
+RUNNING: list[Any] = [
+    *BLOCK_SUMS,
+    ("change", "f8"),  # [PV] last difference
+    ("change_time", "f8"),  # [s] in which it came
+    ("bend", "f8"),  # [PV] last second difference
+    ("older_bend", "f8"),  # [PV] and the one before
+    ("rest", "i8"),  # samples for which PV has been exactly the same
+    ("all_rest", "i8"),  # and SP and OP too
+    ("op_from", "f8"),  # [OP] when PV came to rest
+    ("op_moved", "f8"),  # [OP] furthest from there
+    ("op_moved_rest", "i8"),  # samples of rest since OP has moved
+]
+KEPT: list[Any] = [
+    ("jump", "f8"),  # quiet blocks in a row with too large a variance
+    ("step", "f8"),  # [PV] of which all changes are multiples, 0 before any
+    ("smaller", "f8"),  # [PV] a change below it
+    ("smaller_seen", "f8"),  # times that it was seen, less the times that others were
+    ("interval", "f8"),  # [s] short interval between samples, 0 before any
+    ("seen", "i8"),  # samples ever
+]
+DTYPE = np.dtype([*SUMS, *RUNNING, *KEPT])
+
+decay = halving(SUMS)
+reset = clearing(RUNNING)
+reset_block = clearing(BLOCK_SUMS)
 
 
 @jit
-def interval(h, dt):
-    """Take in the time since the last sample, gap or not."""
-    if h.pv_seen < 2:
+def update_interval(own, dt):
+    """Take in the time since the last sample [s], gap or not."""
+    if own.seen < 2:
         return  # an export's first value is its boundary's, at any distance
-    if h.dt_low == 0.0:
-        h.dt_low = dt
-    h.dt_n += 1.0
-    if abs(dt - h.dt_low) <= JITTER * dt:
-        h.dt_sum += dt
+    if own.interval == 0.0:
+        own.interval = dt
+    own.intervals += 1.0
+    if abs(dt - own.interval) <= JITTER_SHARE * dt:
+        own.interval_time += dt
         return
-    weight = 0.05 if h.dt_n < 200.0 else 0.01
-    if dt < h.dt_low:
-        h.dt_low *= 1.0 - weight * (1.0 - QUANTILE)
+    weight = 0.05 if own.intervals < 200.0 else 0.01
+    if dt < own.interval:
+        own.interval *= 1.0 - weight * (1.0 - INTERVAL_QUANTILE)
     else:
-        h.dt_low *= 1.0 + weight * QUANTILE
-    h.dt_sum += min(dt, WIDE * h.dt_low)
+        own.interval *= 1.0 + weight * INTERVAL_QUANTILE
+    own.interval_time += min(dt, GAP_INTERVALS * own.interval)
 
 
 @jit
-def sense(h, last, dt, sp, pv, op):
-    """Take in one good sample."""
-    h.pv_seen += 1
-    h.pv_n += 1.0
+def update(own, last, dt, sp, pv, op, op_noise, op_range):
+    """Take in one good sample.
+
+    Parameters
+    ----------
+    last
+        The sample before: sp, pv, op.
+    dt
+        Time between them [s].
+    sp, pv, op
+        The sample.
+    op_noise, op_range
+        Standard deviation of OP's noise and its range so far [OP]: what counts as its having moved.
+    """
+    own.seen += 1
+    own.samples += 1.0
     d = pv - last.pv
-    dd = d - h.pv_d
-    h.pv_q0 += dd * dd
-    h.pv_q1 += dd * h.pv_dd
-    h.pv_q2 += dd * h.pv_older
-    h.pv_older = h.pv_dd
+    dd = d - own.change
+    own.squares += dd * dd
+    own.products_1 += dd * own.bend
+    own.products_2 += dd * own.older_bend
+    own.older_bend = own.bend
     if d == 0.0:
-        _still(h, last, dt, sp, op)
+        _rest(own, last, dt, sp, op, op_noise, op_range)
     else:
-        if h.pv_rest > 0:
-            if h.pv_rest <= SHORT_STAY:
-                h.pv_stays += 1.0
-                h.pv_stayed += h.pv_rest
-            h.pv_rest = h.all_rest = 0
-        if h.pv_changes == 0.0:
-            h.stuck_time = 0.0  # it has never moved before: what it waited for was a dead time
-        h.pv_changes += 1.0
+        if own.rest > 0:
+            if own.rest <= STAY_SAMPLES:
+                own.stays += 1.0
+                own.stayed += own.rest
+            own.rest = own.all_rest = 0
+        if own.changes == 0.0:
+            own.stuck_time = 0.0  # it has never moved before: what it waited for was a dead time
+        own.changes += 1.0
         # one or a few steps of a coarse PV in a row are no line
-        coarse = h.pv_tries < TRIES or h.pv_fits >= FITTING * h.pv_tries
-        if h.pv_d != 0.0 and (abs(d) > 5.5 * h.pv_step or not coarse):
-            h.pv_pairs += 1.0
-            bend = abs(d * h.pv_dt - h.pv_d * dt)
-            if bend <= STRAIGHT * abs(d) * h.pv_dt + 1e-15 * abs(pv) * dt:
-                h.pv_lines += 1.0
-        if h.pv_seen & 3 == 0 or h.pv_tries < TRIES:
-            _step(h, abs(d), pv)
-    h.pv_d, h.pv_dd, h.pv_dt = d, dd, dt
+        coarse = own.tries < FIT_CHANGES or own.fits >= FIT_SHARE * own.tries
+        if own.change != 0.0 and (abs(d) > SINGLE_STEPS * own.step or not coarse):
+            own.pairs += 1.0
+            bend = abs(d * own.change_time - own.change * dt)
+            if bend <= STRAIGHT_SHARE * abs(d) * own.change_time + 1e-15 * abs(pv) * dt:
+                own.lines += 1.0
+        if own.seen & 3 == 0 or own.tries < FIT_CHANGES:
+            _step(own, abs(d), pv)
+    own.change, own.bend, own.change_time = d, dd, dt
 
 
 @jit
-def _step(h, d, pv):
+def _step(own, d, pv):
     """Whether a change is a whole multiple of the least one so far."""
     if d <= 1e-14 * abs(pv):
         return
-    if h.pv_step == 0.0:
-        h.pv_step = d
+    if own.step == 0.0:
+        own.step = d
         return
-    if d < 0.9 * h.pv_step:
-        h.pv_tries += 1.0
-        if abs(d - h.pv_small) < FIT * d:
-            h.pv_same += 1.0
-        elif h.pv_same > 1.0:
-            h.pv_same -= 1.0
+    if d < 0.9 * own.step:
+        own.tries += 1.0
+        if abs(d - own.smaller) < FIT_STEPS * d:
+            own.smaller_seen += 1.0
+        elif own.smaller_seen > 1.0:
+            own.smaller_seen -= 1.0
         else:
-            h.pv_small, h.pv_same = d, 1.0
-        if h.pv_same >= SAME:
-            h.pv_step = d
-            h.pv_small = h.pv_same = h.pv_tries = h.pv_fits = 0.0
+            own.smaller, own.smaller_seen = d, 1.0
+        if own.smaller_seen >= SMALLER_CHANGES:
+            own.step = d
+            own.smaller = own.smaller_seen = own.tries = own.fits = 0.0
         return
-    r = d / h.pv_step
-    if r < FAR:
-        h.pv_tries += 1.0
-        if abs(r - np.rint(r)) < FIT:
-            h.pv_fits += 1.0
+    r = d / own.step
+    if r < FAR_STEPS:
+        own.tries += 1.0
+        if abs(r - np.rint(r)) < FIT_STEPS:
+            own.fits += 1.0
 
 
 @jit
-def _still(h, last, dt, sp, op):
+def _rest(own, last, dt, sp, op, op_noise, op_range):
     """Account for a sample at which PV is exactly what it was."""
-    if h.pv_rest == 0:
-        h.still_op, h.still_way, h.still_run = last.op, 0.0, 0
-    h.pv_rest += 1
-    n = h.pv_rest
-    h.still_way = max(h.still_way, abs(op - h.still_op))
+    if own.rest == 0:
+        own.op_from, own.op_moved, own.op_moved_rest = last.op, 0.0, 0
+    own.rest += 1
+    n = own.rest
+    own.op_moved = max(own.op_moved, abs(op - own.op_from))
     if op == last.op and sp == last.sp:
-        h.all_rest += 1
-        if h.all_rest >= FROZEN:
-            h.idle_time += dt * FROZEN if h.all_rest == FROZEN else dt
+        own.all_rest += 1
+        if own.all_rest >= FROZEN_SAMPLES:
+            own.idle_time += dt * FROZEN_SAMPLES if own.all_rest == FROZEN_SAMPLES else dt
         return
-    h.all_rest = 0
-    if n < FROZEN or h.still_way <= MOVED * h.op_noise or h.still_way < 0.05 * (h.op_max - h.op_min):
+    own.all_rest = 0
+    if (
+        n < FROZEN_SAMPLES
+        or own.op_moved <= OP_MOVED_SD * op_noise
+        or own.op_moved < OP_MOVED_SHARE * op_range
+    ):
         return
-    h.still_run += 1
-    if h.still_run < LEAST_STUCK:
+    own.op_moved_rest += 1
+    if own.op_moved_rest < STUCK_SAMPLES:
         return
-    usual = (h.pv_n - n) / (h.pv_changes + 1.0)
-    if n > UNUSUAL * usual:
-        h.stuck_time += dt
+    usual = (own.samples - n) / (own.changes + 1.0)
+    if n > UNUSUAL_STAYS * usual:
+        own.stuck_time += dt
 
 
 @jit
-def weigh_noise(h, n, quiet):
-    """At the end of a block of ``n`` samples: learn from its second differences; a quiet block has the most weight."""
-    q0, q1, q2 = h.pv_q0 / n, h.pv_q1 / n, h.pv_q2 / n
-    h.pv_q0 = h.pv_q1 = h.pv_q2 = 0.0
+def update_block(own, n, quiet):
+    """Learn from the second differences of a block of ``n`` samples; a quiet block has the most weight."""
+    q0, q1, q2 = own.squares / n, own.products_1 / n, own.products_2 / n
+    reset_block(own)
     if q0 > 0.0:
-        weight = 1.0 if quiet else RESTLESS
-        loudness = np.log(q0)
-        h.pv_loud = run_of_loud(h.pv_loud, loudness, h.pv_log, h.pv_known, quiet)
-        if h.pv_loud >= LOUDER:
-            h.pv_log = h.pv_rho = h.pv_rho2 = h.pv_known = h.pv_loud = 0.0
-        h.pv_log += weight * clipped(loudness, h.pv_log, h.pv_known)
-        h.pv_known += weight
-        h.pv_rho += weight * q1 / q0
-        h.pv_rho2 += weight * q2 / q0
+        weight = 1.0 if quiet else EVENTFUL_WEIGHT
+        variance = np.log(q0)
+        own.jump = blocks_in_jump(own.jump, variance, own.log_variance, own.blocks, quiet)
+        if own.jump >= VARIANCE_JUMP_BLOCKS:
+            own.log_variance = own.acf_1 = own.acf_2 = own.blocks = own.jump = 0.0
+        own.log_variance += weight * clipped(variance, own.log_variance, own.blocks)
+        own.blocks += weight
+        own.acf_1 += weight * q1 / q0
+        own.acf_2 += weight * q2 / q0
 
 
-@jit
-def clipped(value, total, n):
-    """Cut what lies far above the mean so far: a block with a step in it."""
-    return min(value, total / n + LOUD) if n >= 1.0 else value
-
-
-@jit
-def run_of_loud(run, value, total, n, counts):
-    """Return how many blocks in a row were cut, this one too; one that does not count ends no run."""
-    if value <= clipped(value, total, n):
-        return 0.0
-    return run + 1.0 if counts else run
-
-
-@jit
-def blink(h):
-    """Forget what ran, after a gap."""
-    h.pv_rest = h.all_rest = 0
-    h.pv_d = h.pv_dd = h.pv_older = h.pv_q0 = h.pv_q1 = h.pv_q2 = 0.0
-
-
-@jit
-def fade(h):
-    """Halve the sums."""
-    h.pv_log *= 0.5
-    h.pv_rho *= 0.5
-    h.pv_rho2 *= 0.5
-    h.pv_known *= 0.5
-    h.pv_tries *= 0.5
-    h.pv_fits *= 0.5
-    h.pv_changes *= 0.5
-    h.pv_pairs *= 0.5
-    h.pv_lines *= 0.5
-    h.pv_stays *= 0.5
-    h.pv_stayed *= 0.5
-    h.pv_n *= 0.5
-    h.stuck_time *= 0.5
-    h.idle_time *= 0.5
-    h.dt_sum *= 0.5
-    h.dt_n *= 0.5
-
-
-def noise_of(h: Any) -> float | None:
+def noise_of(own: Any) -> float | None:
     """Return the standard deviation of PV's white noise [PV], None where it is not white at this sampling.
 
     Second differences see noise and little of the process: their variance is 6 sigma^2, their autocorrelation at lags
     1 and 2 is -2/3 and 1/6; a smooth process adds a share with 1 and 1, by which we know it. Derived; holds for the
     loop's own sampling. The blocks' geometric mean is what a quiet block shows: steps are few.
     """
-    n = float(h["pv_known"])
+    n = float(own["blocks"])
     if n <= 0.0:
         return None
-    share = max((float(h["pv_rho"]) / n + 2.0 / 3.0) / (5.0 / 3.0), 0.0)
-    if share > SMOOTH or float(h["pv_rho2"]) / n < 1.0 / 6.0 + share * 5.0 / 6.0 - UNWHITE:
+    share = max((float(own["acf_1"]) / n + 2.0 / 3.0) / (5.0 / 3.0), 0.0)
+    if share > SMOOTH_SHARE or float(own["acf_2"]) / n < 1.0 / 6.0 + share * 5.0 / 6.0 - UNWHITE_ACF:
         return None
-    return math.sqrt(math.exp(float(h["pv_log"]) / n) * (1.0 - share) / 6.0)
+    return math.sqrt(math.exp(float(own["log_variance"]) / n) * (1.0 - share) / 6.0)
 
 
-def quantum_of(h: Any) -> float | None:
+def quantum_of(own: Any) -> float | None:
     """Return the step of which all changes of PV are multiples [PV]; None if there is none, or none that matters."""
-    step = float(h["pv_step"])
-    if step <= 0.0 or h["pv_tries"] < TRIES or h["pv_fits"] < FITTING * h["pv_tries"]:
+    step = float(own["step"])
+    if step <= 0.0 or own["tries"] < FIT_CHANGES or own["fits"] < FIT_SHARE * own["tries"]:
         return None
-    n = float(h["pv_known"])
-    usual = math.sqrt(math.exp(float(h["pv_log"]) / n) / 6.0) if n > 0 else 0.0
-    return step if step > FINE * usual else None
+    n = float(own["blocks"])
+    usual = math.sqrt(math.exp(float(own["log_variance"]) / n) / 6.0) if n > 0 else 0.0
+    return step if step > FORMAT_SD * usual else None
 
 
-def compression_of(h: Any) -> float | None:
+def compression_of(own: Any) -> float | None:
     """Return the share of PV's values that an archive left out or made up, 0 to 1: 1 - 1/ratio of compression.
 
     The largest of: values exactly on the line through their neighbours (N. F. Thornhill, M. A. A. S. Choudhury,
     S. L. Shah, J. Process Control 14 (2004) 389-398), values held over some samples though PV has no step of its own,
     and intervals longer than the shortest usual ones (raw archive data). None with too little data.
     """
-    if h["dt_n"] < TELLS:
+    if own["intervals"] < ARCHIVE_COUNT:
         return None
     lines = stays = 0.0
-    if h["pv_pairs"] >= TELLS:
-        lines = float(h["pv_lines"] / h["pv_pairs"])
-    if h["pv_stays"] >= TELLS and quantum_of(h) is None:
-        stays = float(h["pv_stayed"] / h["pv_n"])
-    left_out = max(1.0 - float(h["dt_low"] * h["dt_n"] / h["dt_sum"]), 0.0) if h["dt_sum"] > 0 else 0.0
+    if own["pairs"] >= ARCHIVE_COUNT:
+        lines = float(own["lines"] / own["pairs"])
+    if own["stays"] >= ARCHIVE_COUNT and quantum_of(own) is None:
+        stays = float(own["stayed"] / own["samples"])
+    left_out = 0.0
+    if own["interval_time"] > 0:
+        left_out = max(1.0 - float(own["interval"] * own["intervals"] / own["interval_time"]), 0.0)
     return min(max(lines, stays, left_out), 1.0)
+
+
+def is_stuck(own: Any, good_time: float) -> bool:
+    """Whether PV was exactly the same for long while OP moved, in the time that was watched [s]."""
+    return bool(own["stuck_time"] > STUCK_TIME_SHARE * good_time)
+
+
+def is_idle(own: Any, good_time: float) -> bool:
+    """Whether PV, SP and OP rest nearly always in the time that was watched [s]."""
+    return bool(own["idle_time"] > IDLE_TIME_SHARE * good_time)

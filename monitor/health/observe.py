@@ -1,8 +1,8 @@
-"""What a loop's samples say of its health, beside its events: one call a sample, one look at the figures.
+"""What a loop's samples say of its health, beside its events: one call a sample; `loop_health` reads the figures.
 
-`observe` takes in one good sample, compiled, in O(1) memory a loop (about 5 kB); what needs more than a few
-additions is done in blocks of 64 samples. `figures` reads the sums. Sums are halved every two weeks, so a monitor
-speaks of the recent ones. A figure that the data cannot carry is None.
+`observe` takes in one good sample, compiled, in O(1) memory a loop (about 5 kB): it hands each module its part of the
+loop's record and the numbers that it needs. What needs more than a few additions is done in blocks of 64 samples. Sums
+are halved every two weeks, so a monitor speaks of the recent ones. A figure that the data cannot carry is None.
 """
 
 from __future__ import annotations
@@ -11,38 +11,33 @@ import numpy as np
 
 from monitor.compiled import jit
 
-from . import autocorrelation, harris, measurement, saturation, tag_mapping, travel
-from .autocorrelation import BLOCK, HORIZON, restart, space, taint, take
+from . import autocorrelation, coverage, harris, measurement, offset, saturation, tag_mapping, travel
+from .block import BLOCK_LENGTH, HORIZON_S
 
-CASCADE = 0.2
-"""Share of samples at which SP moves, above which no single move of it is a disturbance."""
-MOST_MISSED = 3
-"""Missed samples that are filled with the last value."""
-
-_f = np.float64
-_TIMES = "wall_time good_time manual_time auto_time since samples".split()
-_SUMS = "abs_e sum_e mean_n mean_1 mean_2".split()
 HEALTH = np.dtype(
     [
-        *[(name, _f) for name in (*_TIMES, *_SUMS)],
-        *saturation.FIELDS,
-        *travel.FIELDS,
-        *measurement.FIELDS,
-        *tag_mapping.FIELDS,
-        *harris.FIELDS,
-        *autocorrelation.FIELDS,
+        ("samples", "f8"),  # in the block that fills
+        ("since_decay", "f8"),  # [s] blocks since the sums were halved
+        ("coverage", coverage.DTYPE),
+        ("offset", offset.DTYPE),
+        ("saturation", saturation.DTYPE),
+        ("travel", travel.DTYPE),
+        ("measurement", measurement.DTYPE),
+        ("tag_mapping", tag_mapping.DTYPE),
+        ("harris", harris.DTYPE),
+        ("autocorrelation", autocorrelation.DTYPE),
     ]
 )
-"""A loop's running sums: times [s], everything else in units of PV and OP."""
+"""A loop's record: each module's part."""
 
 
 @jit
-def observe(h, last, period, limits, dt, gap, sp, pv, op, auto, quiet, stepping):
+def observe(health, last, period, limits, dt, gap, sp, pv, op, auto, quiet, stepping):
     """Account for one good sample.
 
     Parameters
     ----------
-    h
+    health
         The loop's record, of dtype `HEALTH`.
     last
         The sample before: sp, pv, op, auto.
@@ -61,82 +56,67 @@ def observe(h, last, period, limits, dt, gap, sp, pv, op, auto, quiet, stepping)
     stepping
         Whether the loop answers to a step of its set point.
     """
-    h.wall_time += dt
-    measurement.interval(h, dt)
+    coverage.update(health.coverage, dt, period, gap, last.auto, auto)
+    measurement.update_interval(health.measurement, dt)
     if gap:
-        measurement.blink(h)
-        _interrupt(h)
+        measurement.reset(health.measurement)
+        _reset(health)
         return
-    # a missed sample is bridged, but does not count as covered
-    h.good_time += dt if period == 0 else min(dt, 1.5 * period)
-    if not last.auto:
-        h.manual_time += dt
-    measurement.sense(h, last, dt, sp, pv, op)
+    op_range = health.saturation.highest - health.saturation.lowest
+    measurement.update(health.measurement, last, dt, sp, pv, op, health.travel.noise, op_range)
     if not last.auto or not auto:
-        _interrupt(h)
+        _reset(health)
         return
     before, e = last.sp - last.pv, sp - pv
-    h.auto_time += dt
-    h.abs_e += abs(before) * dt
-    h.sum_e += before * dt
-    saturation.rest(h, last, limits, dt, op, e != before)
-    travel.move(h, last, period, dt, op)
-    tag_mapping.trace(h, last, e, sp, pv, op)
-    if sp != last.sp and h.w_sp < CASCADE * h.w_n + 1.0:
-        taint(h)
+    offset.update(health.offset, before, dt)
+    saturation.update(health.saturation, last.op, op, dt, limits, e != before)
+    travel.update(health.travel, last.op, op, dt, period, health.saturation.samples)
+    tag_mapping.update(health.tag_mapping, last, sp, pv, op)
+    if sp != last.sp and not tag_mapping.sp_moves_often(health.tag_mapping):
+        autocorrelation.taint(health.autocorrelation)
     if period <= 0.0:
         return
-    space(h, period)
-    h.samples += 1.0
-    h.clock += dt
-    n = int(h.clock / h.spacing + 0.5)
-    h.clock -= n * h.spacing
-    for _ in range(min(n, MOST_MISSED + 1)):
-        clean = h.tainted & 1 == 0
-        take(h, e)
-        if h.taken & (BLOCK - 1) == 0:
-            _block(h, clean and not stepping, quiet, BLOCK * h.spacing)
+    health.samples += 1.0
+    for _ in range(autocorrelation.places(health.autocorrelation, dt, period)):
+        full, clean = autocorrelation.update(health.autocorrelation, e)
+        if full:
+            _update_blocks(health, clean and not stepping, quiet)
 
 
 @jit
-def _block(h, clean, quiet, seconds):
+def _update_blocks(health, clean, quiet):
     """Do what is done once in 64 samples; ``clean``: nothing in them comes from a step of the set point."""
-    travel.weigh_moves(h, h.samples)
-    measurement.weigh_noise(h, h.samples, quiet)
-    h.samples = 0.0
+    travel.update_block(health.travel, health.samples)
+    measurement.update_block(health.measurement, health.samples, quiet)
+    health.samples = 0.0
     if clean:
-        harris.correlate(h)
-        mean = 0.0
-        for i in range(BLOCK):
-            mean += h.block[0, i]
-        mean /= BLOCK
-        h.mean_n += 1.0
-        h.mean_1 += mean
-        h.mean_2 += mean * mean
-    h.since += seconds
-    if h.since > HORIZON:
-        _fade(h)
+        block = health.autocorrelation.levels[0].block
+        harris.update_block(health.harris, block)
+        offset.update_block(health.offset, block)
+    health.since_decay += BLOCK_LENGTH * health.autocorrelation.spacing
+    if health.since_decay > HORIZON_S:
+        health.since_decay = 0.0
+        _decay(health)
 
 
 @jit
-def _interrupt(h):
-    """Begin anew what must not reach across a gap or a change of mode."""
-    restart(h)
-    h.pv_q0 = h.pv_q1 = h.pv_q2 = h.samples = 0.0
-    saturation.get_up(h)
-    travel.pause(h)
-    tag_mapping.unhook(h)
+def _reset(health):
+    """Begin anew what must not reach across a gap or a change of mode: OP may be anywhere after it."""
+    health.samples = 0.0
+    measurement.reset_block(health.measurement)
+    saturation.reset(health.saturation)
+    travel.reset(health.travel)
+    tag_mapping.reset(health.tag_mapping)
+    autocorrelation.reset(health.autocorrelation)
 
 
 @jit
-def _fade(h):
+def _decay(health):
     """Halve all sums: what is two weeks old counts half, what is a month old a quarter."""
-    h.since = 0.0
-    h.wall_time, h.good_time, h.manual_time = 0.5 * h.wall_time, 0.5 * h.good_time, 0.5 * h.manual_time
-    h.auto_time, h.abs_e, h.sum_e = 0.5 * h.auto_time, 0.5 * h.abs_e, 0.5 * h.sum_e
-    h.mean_n, h.mean_1, h.mean_2 = 0.5 * h.mean_n, 0.5 * h.mean_1, 0.5 * h.mean_2
-    saturation.fade(h)
-    travel.fade(h)
-    measurement.fade(h)
-    tag_mapping.fade(h)
-    harris.fade(h)
+    coverage.decay(health.coverage)
+    offset.decay(health.offset)
+    saturation.decay(health.saturation)
+    travel.decay(health.travel)
+    measurement.decay(health.measurement)
+    tag_mapping.decay(health.tag_mapping)
+    harris.decay(health.harris)

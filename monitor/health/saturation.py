@@ -8,88 +8,109 @@ import numpy as np
 
 from monitor.compiled import jit
 
-REST = 5
+from .fields import clearing, halving
+
+REST_SAMPLES = 5
 """Samples for which OP must be exactly the same to count as resting at its extreme: a coarse OP dwells there by
 chance."""
-RANGE = 10.0
+RANGE_STEPS = 10.0
 """Least range of OP, in its own least steps, for which its extremes say something."""
-HELD = 200
+HELD_SAMPLES = 200
 """Samples of an OP exactly the same, away from its limits and extremes, while the error moves: nobody controls. A
 resting loop with a coarse OP may hold for dozens."""
-MOST_STILL = 0.5
-"""Share of those samples at which the error may have stood still as well."""
+ERROR_MOVES_SHARE = 0.5
+"""Share of those samples at which the error must have moved."""
 
-_f, _i = np.float64, np.int64
-_TIMES = ("low_time", "high_time", "limit_time", "held_time")
-FIELDS = [
-    *[(n, _f) for n in ("op_min", "op_max", "op_step", *_TIMES)],
-    *[(n, _i) for n in ("op_rest", "op_alive", "op_seen", "op_limited")],
+SUMS: list[Any] = [
+    ("low_time", "f8"),  # [s] at rest at its own lowest
+    ("high_time", "f8"),  # [s] at rest at its own highest
+    ("limit_time", "f8"),  # [s] at or beyond its limits
+    ("held_time", "f8"),  # [s] at rest elsewhere while the error moves
 ]
+RUNNING: list[Any] = [
+    ("rest", "i8"),  # samples for which OP has been exactly the same
+    ("error_moved", "i8"),  # those of them at which the error was another
+]
+KEPT: list[Any] = [
+    ("lowest", "f8"),  # [OP] ever in automatic
+    ("highest", "f8"),  # [OP]
+    ("least_step", "f8"),  # [OP] smallest change, 0 before any
+    ("samples", "i8"),  # in automatic
+    ("has_limits", "i8"),  # whether the table names one
+]
+DTYPE = np.dtype([*SUMS, *RUNNING, *KEPT])
+
+decay = halving(SUMS)
+reset = clearing(RUNNING)
 
 
 @jit
-def rest(h, last, limits, dt, op, alive):
-    """Take in OP of one sample in automatic; ``alive``: the error has moved with it."""
-    if h.op_seen == 0:
-        h.op_min = h.op_max = op
-        h.op_limited = limits.op_low > -np.inf or limits.op_high < np.inf
-    h.op_seen += 1
-    if last.op <= limits.op_low or last.op >= limits.op_high:
-        h.limit_time += dt
-    d = op - last.op
+def update(own, before, op, dt, limits, error_moves):
+    """Take in one sample in automatic.
+
+    Parameters
+    ----------
+    before, op
+        OP of the last sample and of this one [OP].
+    dt
+        Time between them [s].
+    limits
+        op_low, op_high, infinite where there is none.
+    error_moves
+        Whether the error has moved between them.
+    """
+    if own.samples == 0:
+        own.lowest = own.highest = op
+        own.has_limits = limits.op_low > -np.inf or limits.op_high < np.inf
+    own.samples += 1
+    if before <= limits.op_low or before >= limits.op_high:
+        own.limit_time += dt
+    d = op - before
     if d == 0.0:
-        _stay(h, limits, dt, op, alive)
+        _rest(own, op, dt, limits, error_moves)
         return
-    h.op_rest = h.op_alive = 0
-    if h.op_step == 0.0 or abs(d) < h.op_step:
-        h.op_step = abs(d)
-    if op < h.op_min:
-        h.op_min, h.low_time = op, 0.0
-    elif op > h.op_max:
-        h.op_max, h.high_time = op, 0.0
+    reset(own)
+    if own.least_step == 0.0 or abs(d) < own.least_step:
+        own.least_step = abs(d)
+    if op < own.lowest:
+        own.lowest, own.low_time = op, 0.0
+    elif op > own.highest:
+        own.highest, own.high_time = op, 0.0
 
 
 @jit
-def _stay(h, limits, dt, op, alive):
+def _rest(own, op, dt, limits, error_moves):
     """Account for a sample at which OP has not moved."""
-    h.op_rest += 1
-    if alive:
-        h.op_alive += 1
-    if h.op_rest >= REST:
-        more = dt * REST if h.op_rest == REST else dt
-        if op == h.op_min:
-            h.low_time += more
-        if op == h.op_max:
-            h.high_time += more
-    inside = (h.op_min < op < h.op_max or h.op_min == h.op_max) and limits.op_low < op < limits.op_high
-    if h.op_rest >= HELD and inside and h.op_alive > MOST_STILL * h.op_rest:
-        h.held_time += dt * HELD if h.op_rest == HELD else dt
+    own.rest += 1
+    if error_moves:
+        own.error_moved += 1
+    if own.rest >= REST_SAMPLES:
+        more = dt * REST_SAMPLES if own.rest == REST_SAMPLES else dt
+        if op == own.lowest:
+            own.low_time += more
+        if op == own.highest:
+            own.high_time += more
+    inside = (
+        own.lowest < op < own.highest or own.lowest == own.highest
+    ) and limits.op_low < op < limits.op_high
+    if own.rest >= HELD_SAMPLES and inside and own.error_moved > ERROR_MOVES_SHARE * own.rest:
+        own.held_time += dt * HELD_SAMPLES if own.rest == HELD_SAMPLES else dt
 
 
-@jit
-def get_up(h):
-    """Forget what ran, after a gap or a change of mode: OP may be anywhere now."""
-    h.op_rest = h.op_alive = 0
-
-
-@jit
-def fade(h):
-    """Halve the sums."""
-    h.low_time *= 0.5
-    h.high_time *= 0.5
-    h.limit_time *= 0.5
-    h.held_time *= 0.5
-
-
-def never_moved(h: Any) -> bool:
+def never_moved(own: Any) -> bool:
     """Whether OP has been the same in automatic for so long that this says something."""
-    return bool(h["op_seen"] > HELD and h["op_min"] == h["op_max"])
+    return bool(own["samples"] > HELD_SAMPLES and own["lowest"] == own["highest"])
 
 
-def saturation_of(h: Any, time: float) -> float:
+def saturation_of(own: Any, auto_time: float) -> float:
     """Return the share of time at the limits; where none are known, at rest exactly at OP's own extremes."""
-    at = float(h["limit_time"])
-    if not h["op_limited"]:
-        wide = float(h["op_max"] - h["op_min"]) > RANGE * float(h["op_step"]) > 0.0
-        at = float(h["low_time"] + h["high_time"]) if wide else 0.0
-    return min(at / time, 1.0)
+    at = float(own["limit_time"])
+    if not own["has_limits"]:
+        wide = float(own["highest"] - own["lowest"]) > RANGE_STEPS * float(own["least_step"]) > 0.0
+        at = float(own["low_time"] + own["high_time"]) if wide else 0.0
+    return min(at / auto_time, 1.0)
+
+
+def held_of(own: Any, auto_time: float) -> float:
+    """Return the share of time in which OP rests while the error moves."""
+    return min(float(own["held_time"]) / auto_time, 1.0)

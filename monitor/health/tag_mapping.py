@@ -8,116 +8,150 @@ import numpy as np
 
 from monitor.compiled import jit
 
-CLEAR = 500.0
+from .fields import clearing, halving
+
+MAPPING_SAMPLES = 500.0
 """Samples without which nothing is said of the wiring."""
-ANSWERS = 0.02
+ANSWERED_SHARE = 0.02
 """Least share of OP's moves that the error and its changes explain; a P, PI or PID controller's are near 1."""
-TOGETHER = 8
+MEAN_SAMPLES = 8
 """Samples in a mean of OP and of the error: an OP that arrives some samples late answers these, if not each sample."""
-BY_CHANCE = 8.0
+CHANCE_MEANS = 8.0
 """Over the number of such means: more is explained by chance once in fifty loops."""
-ALIVE = 0.5
+ALIVE_SHARE = 0.5
 """Least share of samples at which OP moves, for that question."""
-EXACT = 0.9
+TRACKING_SHARE = 0.9
 """Share of samples from which on SP counts as tracking PV, or as being the measured one of the two."""
-DEAD = 0.1
+RESTING_SHARE = 0.1
 """Largest share of samples at which a PV moves that is really a set point."""
-AFTER = 2
+CASCADE_SHARE = 0.2
+"""Share of samples at which SP moves, above which no single move of it is a disturbance."""
+ANSWER_SAMPLES = 2
 """Samples after a move of SP at which the rest of the error is looked at."""
-GONE = 0.2
+LEFT_SHARE = 0.2
 """Share of an SP move that is left then, below which the response is over before it is seen."""
-MOVES = 3.0
-"""Moves of SP without which this is not judged."""
-SEEN = 5.0
-"""Standard deviations of noise that the moves must have (root mean square)."""
-FACTOR = 1.4
-"""Least factor by which SP and PV must jump together to look like a change of unit; 1 degC is 1.8 degF and 32."""
-ALIKE = 0.05
-"""Relative difference of their factors at most."""
-GLITCH = 10.0
-"""Times the usual size from which on a sample counts less: one odd value outweighs thousands in a sum of squares."""
-USUAL = 64.0
-"""Samples over which the usual size of what is not zero is taken."""
-STAYED = 0.5
+STAYED_SHARE = 0.5
 """Share of an SP move that must still be there when the rest of the error is looked at: else it was a glitch."""
+LEAST_STEPS = 3.0
+"""Moves of SP without which this is not judged."""
+STEP_SD = 5.0
+"""Standard deviations of noise that the moves must have (root mean square)."""
+UNIT_FACTOR = 1.4
+"""Least factor by which SP and PV must jump together to look like a change of unit; 1 degC is 1.8 degF and 32."""
+UNIT_SHARE = 0.05
+"""Relative difference of their factors at most."""
+UNIT_ERRORS = 10.0
+"""Errors that the jump of SP must have."""
+UNIT_MOVE_SD = 3.0
+"""Usual moves of OP (root mean square) that OP may make at it."""
+UNIT_CHANGES = 0.5
+"""Such jumps, those of a month ago a quarter, from which on the unit counts as changed."""
+GLITCH_SIZES = 10.0
+"""Times the usual size from which on a sample counts less: one odd value outweighs thousands in a sum of squares."""
+USUAL_SAMPLES = 64.0
+"""Samples over which the usual size of what is not zero is taken."""
 
-_f, _i = np.float64, np.int64
-FIELDS = [
-    *[(n, _f) for n in ("w_n", "w_sp", "w_pv", "w_op", "w_track", "w_units")],
-    ("w_usual", _f, (2, 3)),
-    ("w_squares", _f, (2, 6)),
-    *[(n, _f) for n in ("m_n", "m_count", "m_sum_e", "m_sum_o", "m_last_e", "m_last_o", "m_known")],
-    *[(n, _f) for n in ("w_moves", "w_move2", "w_rest", "w_move", "w_from", "w_to")],
-    ("w_wait", _i),
-]
-"""What is kept. ``w_usual``, ``w_squares``: of each sample and of means of some, the usual sizes of the error, its
-change and OP's move, and their products: e e, e d, d d, e o, d o, o o."""
 EACH, MEANS = 0, 1
+SUMS: list[Any] = [
+    ("samples", "f8"),  # in automatic
+    ("sp_moves", "f8"),  # samples at which SP is another
+    ("pv_moves", "f8"),
+    ("op_moves", "f8"),
+    ("tracked", "f8"),  # moves of PV at which SP is exactly PV
+    ("rescaled", "f8"),  # jumps of SP and PV as if their unit had changed
+    ("means", "f8"),  # differences of means of some samples
+    # of each sample and of means: e e, e d, d d [PV^2], e o, d o [PV OP], o o [OP^2], of the error e, its change d and
+    # OP's move o
+    ("products", "f8", (2, 6)),
+    ("steps", "f8"),  # moves of SP that have stayed
+    ("step_squares", "f8"),  # [PV^2] these squared
+    ("left", "f8"),  # [PV^2] times what is left of the error two samples later
+]
+RUNNING: list[Any] = [
+    ("count", "f8"),  # samples in the mean that fills
+    ("e_sum", "f8"),  # [PV] their errors
+    ("op_sum", "f8"),  # [OP]
+    ("e_mean", "f8"),  # [PV] of the mean before
+    ("op_mean", "f8"),  # [OP]
+    ("has_mean", "f8"),  # 1 if there is one
+    ("wait", "i8"),  # samples until the answer to a move of SP is looked at
+    ("step", "f8"),  # [PV] that move
+    ("e_from", "f8"),  # [PV] error before it
+    ("sp_to", "f8"),  # [PV] where it went
+]
+KEPT: list[Any] = [
+    ("usual", "f8", (2, 3)),  # usual sizes of e, d [PV] and o [OP], of each sample and of means
+]
+DTYPE = np.dtype([*SUMS, *RUNNING, *KEPT])
+
+decay = halving(SUMS)
+reset = clearing(RUNNING)
 
 
 @jit
-def trace(h, last, e, sp, pv, op):
-    """Take in one sample in automatic."""
-    h.w_n += 1.0
-    d, o = e - (last.sp - last.pv), op - last.op
-    _add(h.w_usual[EACH], h.w_squares[EACH], e, d, o)
-    _together(h, e, op)
+def update(own, last, sp, pv, op):
+    """Take in one sample in automatic; ``last`` is the one before: sp, pv, op."""
+    own.samples += 1.0
+    before, e = last.sp - last.pv, sp - pv
+    d, o = e - before, op - last.op
+    _add(own.usual[EACH], own.products[EACH], e, d, o)
+    _add_to_means(own, e, op)
     if o != 0.0:
-        h.w_op += 1.0
+        own.op_moves += 1.0
     if pv != last.pv:
-        h.w_pv += 1.0
+        own.pv_moves += 1.0
         if e == 0.0:
-            h.w_track += 1.0
-    if h.w_wait > 0:
-        h.w_wait -= 1
-        if h.w_wait == 0 and abs(sp - h.w_to) < (1.0 - STAYED) * abs(h.w_move):
-            h.w_rest += h.w_move * (e - h.w_from)
-            h.w_move2 += h.w_move * h.w_move
-            h.w_moves += 1.0
+            own.tracked += 1.0
+    if own.wait > 0:
+        own.wait -= 1
+        if own.wait == 0 and abs(sp - own.sp_to) < (1.0 - STAYED_SHARE) * abs(own.step):
+            own.left += own.step * (e - own.e_from)
+            own.step_squares += own.step * own.step
+            own.steps += 1.0
     if sp != last.sp:
-        h.w_sp += 1.0
-        if h.w_wait == 0:
-            h.w_move, h.w_from, h.w_wait = sp - last.sp, last.sp - last.pv, AFTER
-            h.w_to = sp
-        if pv != last.pv and _rescaled(h, last, sp, pv, o):
-            h.w_units += 1.0
+        own.sp_moves += 1.0
+        if own.wait == 0:
+            own.step, own.e_from, own.wait = sp - last.sp, before, ANSWER_SAMPLES
+            own.sp_to = sp
+        if pv != last.pv and _rescaled(own, last, sp, pv, o):
+            own.rescaled += 1.0
 
 
 @jit
-def _together(h, e, op):
+def _add_to_means(own, e, op):
     """Take in the means of some samples: how OP's move, and the error's own and its move, go together."""
-    h.m_count += 1.0
-    h.m_sum_e += e
-    h.m_sum_o += op
-    if h.m_count < TOGETHER:
+    own.count += 1.0
+    own.e_sum += e
+    own.op_sum += op
+    if own.count < MEAN_SAMPLES:
         return
-    mean_e, mean_o = h.m_sum_e / TOGETHER, h.m_sum_o / TOGETHER
-    h.m_count = h.m_sum_e = h.m_sum_o = 0.0
-    if h.m_known > 0.0:
-        h.m_n += 1.0
-        _add(h.w_usual[MEANS], h.w_squares[MEANS], mean_e, mean_e - h.m_last_e, mean_o - h.m_last_o)
-    h.m_last_e, h.m_last_o, h.m_known = mean_e, mean_o, 1.0
+    mean_e, mean_o = own.e_sum / MEAN_SAMPLES, own.op_sum / MEAN_SAMPLES
+    own.count = own.e_sum = own.op_sum = 0.0
+    if own.has_mean > 0.0:
+        own.means += 1.0
+        _add(own.usual[MEANS], own.products[MEANS], mean_e, mean_e - own.e_mean, mean_o - own.op_mean)
+    own.e_mean, own.op_mean, own.has_mean = mean_e, mean_o, 1.0
 
 
 @jit
-def _add(usual, squares, e, d, o):
+def _add(usual, products, e, d, o):
     """Add the products of the error, its change and OP's move to their sums."""
     # scaled as one, so that what the controller makes of them stays the same
     share = min(_trust(usual[0], e), _trust(usual[1], d), _trust(usual[2], o))
     usual[0], usual[1], usual[2] = _usual(usual[0], e), _usual(usual[1], d), _usual(usual[2], o)
     a, b, c = share * e, share * d, share * o
-    squares[0] += a * a
-    squares[1] += a * b
-    squares[2] += b * b
-    squares[3] += a * c
-    squares[4] += b * c
-    squares[5] += c * c
+    products[0] += a * a
+    products[1] += a * b
+    products[2] += b * b
+    products[3] += a * c
+    products[4] += b * c
+    products[5] += c * c
 
 
 @jit
 def _trust(usual, x):
     """Return the share of ``x`` that counts."""
-    return GLITCH * usual / abs(x) if abs(x) > GLITCH * usual > 0.0 else 1.0
+    return GLITCH_SIZES * usual / abs(x) if abs(x) > GLITCH_SIZES * usual > 0.0 else 1.0
 
 
 @jit
@@ -125,85 +159,78 @@ def _usual(usual, x):
     """Return the usual size after ``x``; what is zero tells nothing of it."""
     if x == 0.0:
         return usual
-    return usual + (min(abs(x), GLITCH * usual) - usual) * (1.0 / USUAL) if usual > 0.0 else abs(x)
-
-
-@jit
-def _rescaled(h, last, sp, pv, o):
-    """Whether SP and PV have jumped by the same large factor, which OP took no notice of."""
-    if last.sp == 0.0 or last.pv == 0.0:
-        return False
-    a, b = sp / last.sp, pv / last.pv
-    usual = h.w_squares[EACH, 5] / h.w_n
     return (
-        a > 0.0
-        and (a > FACTOR or a < 1.0 / FACTOR)
-        and abs(a - b) < ALIKE * a
-        and abs(a - 1.0) * abs(last.sp) > 10.0 * abs(last.sp - last.pv)
-        and o * o <= 9.0 * usual
+        usual + (min(abs(x), GLITCH_SIZES * usual) - usual) * (1.0 / USUAL_SAMPLES) if usual > 0.0 else abs(x)
     )
 
 
 @jit
-def unhook(h):
-    """Forget what ran, after a gap or a change of mode."""
-    h.w_wait = 0
-    h.m_count = h.m_sum_e = h.m_sum_o = h.m_known = 0.0
+def _rescaled(own, last, sp, pv, o):
+    """Whether SP and PV have jumped by the same large factor, which OP took no notice of."""
+    if last.sp == 0.0 or last.pv == 0.0:
+        return False
+    a, b = sp / last.sp, pv / last.pv
+    usual = own.products[EACH, 5] / own.samples
+    return (
+        a > 0.0
+        and (a > UNIT_FACTOR or a < 1.0 / UNIT_FACTOR)
+        and abs(a - b) < UNIT_SHARE * a
+        and abs(a - 1.0) * abs(last.sp) > UNIT_ERRORS * abs(last.sp - last.pv)
+        and o * o <= UNIT_MOVE_SD * UNIT_MOVE_SD * usual
+    )
 
 
 @jit
-def fade(h):
-    """Halve the sums."""
-    h.w_n *= 0.5
-    h.w_sp *= 0.5
-    h.w_pv *= 0.5
-    h.w_op *= 0.5
-    h.w_track *= 0.5
-    h.w_units *= 0.5
-    h.m_n *= 0.5
-    for k in range(6):
-        h.w_squares[EACH, k] *= 0.5
-        h.w_squares[MEANS, k] *= 0.5
-    h.w_moves *= 0.5
-    h.w_move2 *= 0.5
-    h.w_rest *= 0.5
+def sp_moves_often(own):
+    """Whether SP moves at so many samples that none of its moves is a disturbance."""
+    return own.sp_moves >= CASCADE_SHARE * own.samples + 1.0
 
 
-def sp_moving_of(h: Any) -> float | None:
+def sp_moving_of(own: Any) -> float | None:
     """Return the share of samples at which SP moved: near 1 for a cascade's slave or a ramp."""
-    return float(h["w_sp"] / h["w_n"]) if h["w_n"] > 0 else None
+    return float(own["sp_moves"] / own["samples"]) if own["samples"] > 0 else None
 
 
-def tracking_of(h: Any) -> float:
-    """Return the share of PV's moves that SP went along with exactly: a loop in manual whose SP tracks PV."""
-    return float(h["w_track"] / h["w_pv"]) if h["w_pv"] >= 1.0 else 0.0
+def tracking_of(own: Any) -> float:
+    """Return the share of PV's moves that SP went along with exactly, 0 unless it is nearly all: in manual, SP may."""
+    share = float(own["tracked"] / own["pv_moves"]) if own["pv_moves"] >= 1.0 else 0.0
+    return share if share > TRACKING_SHARE else 0.0
 
 
-def mapping_of(h: Any) -> bool:
-    """Whether the tags look wrongly wired: SP the noisy one and PV the resting one, or OP deaf to the error."""
-    n = float(h["w_n"])
-    if n < CLEAR:
-        return False
-    if h["w_sp"] > EXACT * n and h["w_pv"] < DEAD * n:
+def mapping_of(own: Any) -> bool:
+    """Whether the tags look wrongly wired: SP tracks PV, SP is noisy and PV rests, or OP is deaf to the error."""
+    if tracking_of(own) > 0.0:
         return True
-    if h["w_op"] <= ALIVE * n or h["w_pv"] <= ALIVE * n or _explained(h["w_squares"][EACH]) >= ANSWERS:
+    n = float(own["samples"])
+    if n < MAPPING_SAMPLES:
         return False
-    means = float(h["m_n"])
-    return means > 0.0 and _explained(h["w_squares"][MEANS]) < max(ANSWERS, BY_CHANCE / means)
+    if own["sp_moves"] > TRACKING_SHARE * n and own["pv_moves"] < RESTING_SHARE * n:
+        return True
+    if own["op_moves"] <= ALIVE_SHARE * n or own["pv_moves"] <= ALIVE_SHARE * n:
+        return False
+    if _explained(own["products"][EACH]) >= ANSWERED_SHARE:
+        return False
+    means = float(own["means"])
+    return means > 0.0 and _explained(own["products"][MEANS]) < max(ANSWERED_SHARE, CHANCE_MEANS / means)
 
 
-def _explained(squares: Any) -> float:
+def unit_changed(own: Any) -> bool:
+    """Whether SP and PV jumped by the same factor, as if their unit had changed."""
+    return bool(own["rescaled"] >= UNIT_CHANGES)
+
+
+def _explained(products: Any) -> float:
     """Return the share of OP's moves that the error and its change explain (least squares, no constant)."""
-    ee, ed, dd, eo, do, oo = map(float, squares)
+    ee, ed, dd, eo, do, oo = map(float, products)
     det = ee * dd - ed * ed
     if oo <= 0.0 or det <= 1e-12 * ee * dd:
         return 1.0
     return (eo * eo * dd - 2.0 * eo * do * ed + do * do * ee) / (det * oo)
 
 
-def undersampled_of(h: Any, noise: float) -> bool:
+def undersampled_of(own: Any, noise: float) -> bool:
     """Whether PV is back at SP within two samples of SP's moves: the response is over before it is seen."""
-    n = float(h["w_moves"])
-    if n < MOVES or h["w_move2"] <= n * (SEEN * noise) ** 2:
+    n = float(own["steps"])
+    if n < LEAST_STEPS or own["step_squares"] <= n * (STEP_SD * noise) ** 2:
         return False
-    return bool(h["w_rest"] < GONE * h["w_move2"])
+    return bool(own["left"] < LEFT_SHARE * own["step_squares"])

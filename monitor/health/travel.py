@@ -1,11 +1,11 @@
 """How far the controller's output goes beyond its own noise, and how often it turns: the same at any sampling.
 
-Noise makes way: the more samples, the more. So OP is averaged over 1, 2, 4, ... times a grid of time, and its way is
-counted at each of these levels at once, behind a play as wide as the noise. Which level to believe is decided when the
-figure is read: that in which OP's own movement, beyond the noise, has just become visible. Half the mean square of the
-difference of neighbouring averages (D. W. Allan, Proc. IEEE 54 (1966) 221-230) tells: white noise has its variance
-over the number of samples there; the rest is movement, whatever the sampling. The choice of the level, and the play,
-are derived.
+Noise makes path: the more samples, the more. So OP is averaged over 1, 2, 4, ... times a grid of time, and its path is
+counted at each of these levels at once, behind a deadband as wide as the noise. Which level to believe is decided when
+the figure is read: that in which OP's own movement, beyond the noise, has just become visible. Half the mean square of
+the difference of neighbouring averages (D. W. Allan, Proc. IEEE 54 (1966) 221-230) tells: white noise has its variance
+over the number of samples there; the rest is movement, whatever the sampling. The choice of the level, and the
+deadband, are derived.
 """
 
 from __future__ import annotations
@@ -17,115 +17,144 @@ import numpy as np
 
 from monitor.compiled import jit
 
-from .measurement import LOUDER, clipped, run_of_loud
-from .saturation import never_moved
+from . import path
+from .fields import clearing, halving
+from .variance_jump import VARIANCE_JUMP_BLOCKS, blocks_in_jump, clipped
 
-LEVELS = 14
+PATH_LEVELS = 14
 """Levels, each twice as long as the one before: 1 s to 2.3 hours for samples of 1 s."""
-GRID = 0.9
-"""Share of the sample period below which the finest level may not lie: it is the next power of two seconds."""
-OTHER = 0.6
-"""Change of the sample period, as a share, from which on the levels begin anew."""
-PLAY = 1.5
-"""Standard deviations of OP's noise to either side within which it does not move: swings of less than three are no
-way."""
-QUIET = 3.0
-"""And standard deviations of what the averages leave of the noise."""
-TOP = 0.2
-"""Share of a way's averages that lie about as far out as its end."""
-SEEN, VISIBLE = 2.0, 0.3
+GRID_PERIODS = 0.9
+"""Sample periods below which the finest level may not lie: it is the next power of two seconds."""
+NEW_GRID_SHARE = 0.6
+"""Difference between sample period and grid, as a share, from which on the levels begin anew."""
+EARLY_PERIODS = 0.25
+"""Sample periods by which a sample may come early and still end an average: they are never quite in time."""
+FIRST_SAMPLES = 16
+"""Samples after which a first guess at OP's noise is made."""
+SEEN_SD, SEEN_SHARE = 2.0, 0.3
 """Level to believe: where OP moves this many standard deviations of its noise, or where its movement reaches this share
 of the most at any level, whichever is shorter. The averages take about 5 % off a cycle then."""
-CLEAR = 0.3
+TELLING_RATIO = 0.3
 """Movement over noise, as variances, from which on a level tells of the movement."""
-HIDDEN = 0.2
+AT_REST_RATIO = 0.2
 """Movement at its most, in variances of the noise, below which OP is at rest but for single moves."""
-SWING = 4.5
-"""Standard deviations of the noise in a swing, on average, below which it is chance what counts as way."""
-FEW = 15.0
+SWING_SD = 4.5
+"""Standard deviations of the noise in a swing, on average, below which it is chance what counts as path."""
+FEW_TURNS = 15.0
 """Turns below which it takes swings twice as large."""
-FIRST = 16
-"""Samples after which a first guess at OP's noise is made."""
-AVERAGES = 32
-"""Averages without which a level says nothing."""
+LEAST_DIFFERENCES = 32
+"""Differences of averages without which a level says nothing."""
 
-_f, _s = np.float64, np.float32
-FIELDS = [
-    *[(n, _f) for n in "op_d op_dd op_q0 op_q1 op_log op_rho op_known op_loud op_noise".split()],
-    *[(n, _f) for n in "op_time op_grid op_clock op_sum op_count".split()],
-    *[(n, np.int64) for n in ("op_bins", "op_ready")],
-    *[(n, _f, (LEVELS,)) for n in ("op_last", "op_diff", "op_y", "op_way")],
-    *[(n, _s, (LEVELS,)) for n in ("op_diffs", "op_side", "op_since", "op_turns")],
+NOISE_SUMS: list[Any] = [  # over blocks of 64 samples
+    ("log_variance", "f8"),  # ln of the mean square of second differences [ln OP^2]
+    ("acf_1", "f8"),  # autocorrelation of second differences at lag 1
+    ("blocks", "f8"),
 ]
-"""What is kept: the noise's blocks, the finest average that fills; and a level's last average, the squares of its
-differences, the middle of its play, and its way."""
+SUMS: list[Any] = [
+    *NOISE_SUMS,
+    ("time", "f8"),  # [s] in automatic, over which the path was counted
+]
+RUNNING: list[Any] = [
+    ("squares", "f8"),  # [OP^2] second differences of the block that fills, squared
+    ("products_1", "f8"),  # [OP^2] times the one before
+    ("change", "f8"),  # [OP] last difference
+    ("bend", "f8"),  # [OP] last second difference
+    ("clock", "f8"),  # [s] into the finest average
+    ("sum", "f8"),  # [OP] of the samples in it
+    ("count", "f8"),  # samples in it
+    ("averages", "i8"),  # of the finest level since the last break
+]
+KEPT: list[Any] = [
+    ("noise", "f8"),  # [OP] standard deviation
+    ("noise_known", "i8"),  # whether there is a first guess at it
+    ("jump", "f8"),  # blocks in a row with too large a variance
+    ("grid", "f8"),  # [s] finest average
+    ("levels", path.DTYPE, (PATH_LEVELS,)),
+]
+DTYPE = np.dtype([*SUMS, *RUNNING, *KEPT])
+
+_decay = halving(SUMS)
+_forget_noise = clearing(NOISE_SUMS)
+reset = clearing(RUNNING)
 
 
 @jit
-def move(h, last, period, dt, op):
-    """Take in OP of one sample in automatic."""
-    d = op - last.op
-    dd = d - h.op_d
-    h.op_q0 += dd * dd
-    h.op_q1 += dd * h.op_dd
-    h.op_d, h.op_dd = d, dd
+def decay(own):
+    """Halve the sums, those of each level too."""
+    _decay(own)
+    for k in range(PATH_LEVELS):
+        path.decay(own.levels[k])
+
+
+@jit
+def update(own, before, op, dt, period, samples):
+    """Take in one sample in automatic.
+
+    Parameters
+    ----------
+    before, op
+        OP of the last sample and of this one [OP].
+    dt
+        Time between them [s].
+    period
+        Sample period [s], 0 before it is known.
+    samples
+        So far in automatic.
+    """
+    d = op - before
+    dd = d - own.change
+    own.squares += dd * dd
+    own.products_1 += dd * own.bend
+    own.change, own.bend = d, dd
     if period <= 0.0:
         return
-    if abs(h.op_grid - period) > OTHER * h.op_grid:
-        _begin(h, period)
-    if h.op_ready == 0 and h.op_seen >= FIRST:
-        h.op_noise = 0.5 * np.sqrt(max(-h.op_q1 / FIRST, 0.0))
-        h.op_ready = 1
-    if h.op_ready:
-        h.op_time += dt
-    h.op_sum += op
-    h.op_count += 1.0
-    h.op_clock += dt
-    edge = h.op_grid - 0.25 * period  # samples are never quite in time
-    while h.op_clock >= edge:
-        h.op_clock -= h.op_grid
-        if h.op_count > 0.0:
-            _level(h, h.op_sum / h.op_count, period)
-            h.op_sum = h.op_count = 0.0
+    if abs(own.grid - period) > NEW_GRID_SHARE * own.grid:
+        own.grid = 2.0 ** np.ceil(np.log2(GRID_PERIODS * period))
+        _forget_path(own)
+    if own.noise_known == 0 and samples >= FIRST_SAMPLES:
+        own.noise = 0.5 * np.sqrt(max(-own.products_1 / FIRST_SAMPLES, 0.0))
+        own.noise_known = 1
+    if own.noise_known:
+        own.time += dt
+    own.sum += op
+    own.count += 1.0
+    own.clock += dt
+    edge = own.grid - EARLY_PERIODS * period
+    while own.clock >= edge:
+        own.clock -= own.grid
+        if own.count > 0.0:
+            _add(own, own.sum / own.count, period)
+            own.sum = own.count = 0.0
         else:
-            _level(h, op, period)
+            _add(own, op, period)
 
 
 @jit
-def _begin(h, period):
-    """Lay the grid for another sample period [s], and forget the way so far."""
-    h.op_grid = 2.0 ** np.ceil(np.log2(GRID * period))
-    _forget(h)
+def _forget_path(own):
+    """Forget the path so far: another grid, or another noise."""
+    own.time = 0.0
+    for k in range(PATH_LEVELS):
+        path.forget(own.levels[k])
+    reset(own)
 
 
 @jit
-def _forget(h):
-    """Forget the way so far: another grid, or another noise."""
-    h.op_time = 0.0
-    h.op_diff[:] = 0.0
-    h.op_diffs[:] = 0.0
-    h.op_way[:] = 0.0
-    h.op_turns[:] = 0.0
-    pause(h)
-
-
-@jit
-def _level(h, y, period):
+def _add(own, y, period):
     """Take in an average of the finest level, and those that it completes."""
-    n = h.op_bins
-    h.op_bins = n + 1
-    share = min(period / h.op_grid, 1.0)
-    for k in range(LEVELS):
-        before = h.op_last[k]
-        h.op_last[k] = y
+    n = own.averages
+    own.averages = n + 1
+    share = min(period / own.grid, 1.0)
+    for k in range(PATH_LEVELS):
+        level = own.levels[k]
+        before = level.last
+        level.last = y
         if n > 0:
-            h.op_diff[k] += (y - before) * (y - before)
-            h.op_diffs[k] += 1.0
-        if n == 0 or h.op_ready == 0:
-            h.op_y[k] = y
-            h.op_side[k] = h.op_since[k] = 0.0
+            level.squares += (y - before) * (y - before)
+            level.differences += 1.0
+        if n == 0 or own.noise_known == 0:
+            path.begin(level, y)
         else:
-            _follow(h, k, y, np.sqrt(share) * h.op_noise)
+            path.update(level, y, own.noise, np.sqrt(share) * own.noise)
         if n & 1 == 0:
             return
         y = 0.5 * (before + y)
@@ -134,119 +163,80 @@ def _level(h, y, period):
 
 
 @jit
-def _follow(h, k, y, noise):
-    """Move the play of a level along with its average, whose noise is ``noise`` [OP]."""
-    h.op_since[k] += 1.0
-    band = max(PLAY * h.op_noise, QUIET * noise)
-    if y > h.op_y[k] + band:
-        way, side = y - band - h.op_y[k], 1.0
-        h.op_y[k] = y - band
-    elif y < h.op_y[k] - band:
-        way, side = h.op_y[k] - y - band, -1.0
-        h.op_y[k] = y + band
-    else:
-        return
-    h.op_way[k] += way
-    if side != h.op_side[k]:
-        if h.op_side[k] != 0.0:
-            h.op_turns[k] += 1.0
-            # what the play cut off at both ends, less the noise's own peaks: the largest of n normal numbers is
-            # 0.5 + 0.42 ln n (to 0.1 from 5 to 1000)
-            peak = 0.5 + 0.42 * np.log(max(TOP * h.op_since[k], 1.0))
-            h.op_way[k] += 2.0 * max(band - peak * noise, 0.0)
-        h.op_side[k] = side
-        h.op_since[k] = 0.0
-
-
-@jit
-def weigh_moves(h, n):
-    """At the end of a block of ``n`` samples: learn OP's noise from second differences.
+def update_block(own, n):
+    """Learn OP's noise from the second differences of a block of ``n`` samples.
 
     Their autocovariance at lag 1 is -4 sigma^2 for white noise, and positive for what moves smoothly.
     """
-    q0, q1 = h.op_q0 / n, h.op_q1 / n
-    h.op_q0 = h.op_q1 = 0.0
+    q0, q1 = own.squares / n, own.products_1 / n
+    own.squares = own.products_1 = 0.0
     if q0 <= 0.0:
         return
-    loudness = np.log(q0)
-    h.op_loud = run_of_loud(h.op_loud, loudness, h.op_log, h.op_known, counts=True)
-    if h.op_loud >= LOUDER:  # the noise is another one
-        h.op_log = h.op_rho = h.op_known = h.op_loud = 0.0
-        _forget(h)
-    h.op_log += clipped(loudness, h.op_log, h.op_known)
-    h.op_known += 1.0
-    h.op_rho += q1 / q0
-    white = max(-h.op_rho / h.op_known, 0.0) * np.exp(h.op_log / h.op_known)
-    h.op_noise = 0.5 * np.sqrt(white)
+    variance = np.log(q0)
+    own.jump = blocks_in_jump(own.jump, variance, own.log_variance, own.blocks, counts=True)
+    if own.jump >= VARIANCE_JUMP_BLOCKS:
+        own.jump = 0.0
+        _forget_noise(own)
+        _forget_path(own)
+    own.log_variance += clipped(variance, own.log_variance, own.blocks)
+    own.blocks += 1.0
+    own.acf_1 += q1 / q0
+    white = max(-own.acf_1 / own.blocks, 0.0) * np.exp(own.log_variance / own.blocks)
+    own.noise = 0.5 * np.sqrt(white)
 
 
-@jit
-def pause(h):
-    """Forget what ran, after a gap or a change of mode: OP may be anywhere now."""
-    h.op_q0 = h.op_q1 = h.op_d = h.op_dd = 0.0
-    h.op_clock = h.op_sum = h.op_count = 0.0
-    h.op_bins = 0
+def noise_of(own: Any) -> float | None:
+    """Return the standard deviation of OP's white noise [OP], None before a block is full."""
+    return float(own["noise"]) if own["blocks"] > 0 else None
 
 
-@jit
-def fade(h):
-    """Halve the sums."""
-    h.op_log *= 0.5
-    h.op_rho *= 0.5
-    h.op_known *= 0.5
-    h.op_time *= 0.5
-    for k in range(LEVELS):
-        h.op_diff[k] *= 0.5
-        h.op_diffs[k] *= 0.5
-        h.op_way[k] *= 0.5
-        h.op_turns[k] *= 0.5
-
-
-def travel_of(h: Any, period: float) -> tuple[float | None, float | None]:
-    """Return way [OP/h] and reversals [1/h] of OP, of swings of more than three standard deviations of its noise.
+def travel_of(own: Any, period: float, never_moved: bool) -> tuple[float | None, float | None]:
+    """Return path [OP/h] and reversals [1/h] of OP, of swings of more than three standard deviations of its noise.
 
     Zero for an OP that hardly leaves its noise. None before the noise is known, and where most swings are about as
     large as the noise: chance decides then which of them count.
 
     Parameters
     ----------
-    h
+    own
         A loop's sums.
     period
         Sample period [s].
+    never_moved
+        Whether OP has been the same for long: its noise is never known then.
     """
-    if h["op_time"] <= 0.0:
-        return (0.0, 0.0) if never_moved(h) else (None, None)
-    known = h["op_diffs"] >= AVERAGES
-    if not known[0]:
+    if own["time"] <= 0.0:
+        return (0.0, 0.0) if never_moved else (None, None)
+    levels = own["levels"]
+    known = levels[levels["differences"] >= LEAST_DIFFERENCES]
+    if levels["differences"][0] < LEAST_DIFFERENCES:
         return None, None
-    sigma = float(h["op_noise"])
-    noise = sigma**2 * np.minimum(period / float(h["op_grid"]), 1.0) * 0.5 ** np.arange(LEVELS)[known]
-    movement = 0.5 * h["op_diff"][known] / h["op_diffs"][known] - noise
+    sigma = float(own["noise"])
+    noise = sigma**2 * np.minimum(period / float(own["grid"]), 1.0) * 0.5 ** np.arange(len(known))
+    movement = 0.5 * known["squares"] / known["differences"] - noise
     level = _level_to_believe(movement, noise, sigma)
-    way, turns = (float(np.interp(level, np.arange(LEVELS), h[n])) for n in ("op_way", "op_turns"))
-    swing = SWING * sigma if turns >= FEW else 2.0 * SWING * sigma
-    if way < swing * max(turns, 1.0):
-        rests = max(movement) < HIDDEN * sigma**2
+    moved, turns = (float(np.interp(level, np.arange(PATH_LEVELS), levels[n])) for n in ("path", "turns"))
+    swing = SWING_SD * sigma if turns >= FEW_TURNS else 2.0 * SWING_SD * sigma
+    if moved < swing * max(turns, 1.0):
+        rests = max(movement) < AT_REST_RATIO * sigma**2
         return (0.0, 0.0) if rests else (None, None)
-    hours = float(h["op_time"]) / 3600.0
-    return way / hours, turns / hours
+    hours = float(own["time"]) / 3600.0
+    return moved / hours, turns / hours
 
 
 def _level_to_believe(movement: Any, noise: Any, sigma: float) -> float:
     """Return it, between two levels where need be; ``movement``, ``noise``: variances at each level."""
     most = int(np.argmax(movement))
-    if movement[most] < HIDDEN * sigma**2:
+    if movement[most] < AT_REST_RATIO * sigma**2:
         return float(most)
-    visible = min(0.5 * SEEN**2 * sigma**2, VISIBLE * _peak(movement, most))
-    k = int(np.argmax((movement >= visible) & (movement > CLEAR * noise)))
+    visible = min(0.5 * SEEN_SD**2 * sigma**2, SEEN_SHARE * _peak(movement, most))
+    k = int(np.argmax((movement >= visible) & (movement > TELLING_RATIO * noise)))
     if k == 0:
         return 0.0
-    if movement[k - 1] > CLEAR * noise[k - 1]:
+    if movement[k - 1] > TELLING_RATIO * noise[k - 1]:
         return k - math.log(movement[k] / visible) / math.log(movement[k] / movement[k - 1])
-    return k - min(
-        0.5 * math.log2(movement[k] / visible), 1.0
-    )  # what moves smoothly: by the square of the time
+    # what moves smoothly: by the square of the time
+    return k - min(0.5 * math.log2(movement[k] / visible), 1.0)
 
 
 def _peak(movement: Any, most: int) -> float:

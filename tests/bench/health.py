@@ -22,7 +22,7 @@ from scipy.signal import lfilter
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector
-from monitor.health.loop_health import SATURATED, Health, figures
+from monitor.health.loop_health import SATURATED_SHARE, Health, figures
 from sim_plants.loops import Block, Simulation
 from sim_plants.plants import Process
 from sim_plants.specs import LoopSpec, Steps
@@ -214,7 +214,7 @@ def main() -> None:
     print(f"\n{'signal and archive':32s}  ratio  shown   raw")
     for name, ratio, shown, raw in archived():
         print(f"{name:32s} {ratio:6.1f} {_two(shown):>6s} {_two(raw):>6s}")
-    print(f"\n{cost():.0f} ns a sample, the whole kernel; limit of saturation {SATURATED:g}")
+    print(f"\n{cost():.0f} ns a sample, the whole kernel; limit of saturation {SATURATED_SHARE:g}")
 
 
 def _two(value: float | None) -> str:

@@ -156,7 +156,7 @@ def test_a_clock_that_is_set_back_costs_some_samples_not_an_hour():
     state = detector.state[0]
     assert (state["late"], state["rebased"], state["ok"]) == (REBASE, 1, 1200 - REBASE)
     assert [e.onset for e in events_of(found)] == [shifted[600]]
-    assert detector.health[0]["wall_time"] == pytest.approx(1200, abs=REBASE + 2)
+    assert detector.health[0]["coverage"]["wall_time"] == pytest.approx(1200, abs=REBASE + 2)
 
 
 def test_a_clock_that_is_set_back_interrupts_an_event():
@@ -286,9 +286,9 @@ def test_time_at_a_limit_is_counted_only_where_limits_are_known():
     at_limit = int((op >= 55.0).sum())
     assert at_limit > 0
     assert event.saturated_time == pytest.approx(at_limit, abs=1)
-    assert with_limit.health[0]["limit_time"] == pytest.approx(at_limit, abs=1)
+    assert with_limit.health[0]["saturation"]["limit_time"] == pytest.approx(at_limit, abs=1)
     without, _ = detected(replace(samples, op=np.clip(samples.op, 0, 100)))
-    assert without.health[0]["limit_time"] == 0.0
+    assert without.health[0]["saturation"]["limit_time"] == 0.0
 
 
 @pytest.mark.parametrize("value", [-999.0, 1e5])

@@ -99,8 +99,8 @@ def test_a_gap_interrupts_an_event_and_nothing_is_integrated_across():
     assert closed.end == START + 259 * SECOND
     assert closed.iae < 4.0 * 60
     health = detector.health[0]
-    assert health["wall_time"] == pytest.approx(699 + 3600)
-    assert health["good_time"] < 700
+    assert health["coverage"]["wall_time"] == pytest.approx(699 + 3600)
+    assert health["coverage"]["good_time"] < 700
 
 
 def test_manual_interrupts_an_event_and_counts():
@@ -113,7 +113,7 @@ def test_manual_interrupts_an_event_and_counts():
     detector, found = detected(replace(samples, sp=sp, auto=auto))
     (closed,) = events_of(found)
     assert (closed.state, closed.cause) == ("interrupted", CAUSES[BY_MODE])
-    assert detector.health[0]["manual_time"] == pytest.approx(240.0, abs=1.5)
+    assert detector.health[0]["coverage"]["manual_time"] == pytest.approx(240.0, abs=1.5)
 
 
 def test_the_end_of_the_data_interrupts_an_event():

@@ -10,7 +10,8 @@ import pytest
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector
-from monitor.health.autocorrelation import BLOCK, LAGS
+from monitor.health.block import BLOCK_LENGTH
+from monitor.health.level import ACF_LAGS
 from monitor.health.loop_health import figures
 from monitor.health.oscillation import cycle
 from sim_plants.controllers import Controller
@@ -69,7 +70,7 @@ def test_a_new_sample_period_begins_anew():
 
 def test_the_cycle_in_an_exact_autocorrelation():
     """The shortest of all periods that fit, and how it fades."""
-    lags = np.arange(LAGS)
+    lags = np.arange(ACF_LAGS)
     for period in (5.0, 7.3, 12.0, 20.0):
         found, strength, fading = cycle(np.cos(2 * np.pi * lags / period))
         assert found == pytest.approx(period, rel=0.02)
@@ -78,4 +79,4 @@ def test_the_cycle_in_an_exact_autocorrelation():
     half = 0.5 ** (lags / 12.0) * np.cos(2 * np.pi * lags / 12.0)
     assert cycle(half)[2] == pytest.approx(0.5, abs=0.03)
     assert cycle(np.cos(2 * np.pi * lags / 3.0))[0] == 0
-    assert cycle(np.cos(2 * np.pi * lags / (2 * BLOCK)))[0] == 0
+    assert cycle(np.cos(2 * np.pi * lags / (2 * BLOCK_LENGTH)))[0] == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,6 @@ from scipy.signal import lfilter
 from monitor.contract.loops import Loop
 from monitor.detect.detector import Detector
 from monitor.health.loop_health import Health
-from monitor.health.observe import HEALTH
 from tests.monitor.health.tools import N, health, look, mixed, noise, run, samples_of
 
 WEEK = 7 * 86400
@@ -62,6 +62,14 @@ def test_the_unit_of_pv_does_not_matter(power, shift):
             ), name
 
 
+def assert_finite(record: Any, name: str = "health") -> None:
+    """No number of a record, however deep it lies, is NaN or infinite."""
+    if record.dtype.names is None:
+        assert np.isfinite(record).all(), name
+    for inner in record.dtype.names or ():
+        assert_finite(record[inner], f"{name}.{inner}")
+
+
 @settings(max_examples=30)
 @given(
     st.integers(0, 2**31),
@@ -84,8 +92,7 @@ def test_figures_are_numbers_whatever_comes_in(seed, scale, level, kind):
     sp = np.where(rng.random(n) < 0.01, level + scale, level)
     auto = rng.random() < 0.5 or rng.random(n) > 0.05
     detector = run(samples_of(sp, pv, np.clip(-pv, -9e29, 9e29), auto, time=np.cumsum(rng.integers(1, 3, n))))
-    for name in HEALTH.names or ():
-        assert np.isfinite(detector.health[name]).all(), name
+    assert_finite(detector.health)
     found = asdict(look(detector, dead_time=3.0))
     assert all(v is None or math.isfinite(v) for v in found.values())
     shares = (

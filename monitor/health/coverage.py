@@ -1,0 +1,49 @@
+"""How long a loop was watched: good time over wall time, and its share in manual."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from monitor.compiled import jit
+
+from .fields import halving
+
+COVERED_PERIODS = 1.5
+"""Sample periods that a sample covers at most: a missed one is bridged, but was not seen."""
+
+SUMS: list[Any] = [
+    ("wall_time", "f8"),  # [s] from sample to sample, gaps too
+    ("good_time", "f8"),  # [s] covered by samples
+    ("manual_time", "f8"),  # [s] in manual, gaps left out
+    ("auto_time", "f8"),  # [s] from one sample in automatic to the next
+]
+RUNNING: list[Any] = []
+KEPT: list[Any] = []
+DTYPE = np.dtype([*SUMS, *RUNNING, *KEPT])
+
+decay = halving(SUMS)
+
+
+@jit
+def update(own, dt, period, gap, was_auto, auto):
+    """Take in the time since the last sample [s] and the mode before and after it; ``period`` is 0 if unknown [s]."""
+    own.wall_time += dt
+    if gap:
+        return
+    own.good_time += dt if period == 0 else min(dt, COVERED_PERIODS * period)
+    if not was_auto:
+        own.manual_time += dt
+    elif auto:
+        own.auto_time += dt
+
+
+def coverage_of(own: Any) -> float:
+    """Return good time over wall time."""
+    return min(float(own["good_time"]) / float(own["wall_time"]), 1.0)
+
+
+def manual_of(own: Any) -> float:
+    """Return the share of the time in manual."""
+    return min(float(own["manual_time"]) / float(own["good_time"]), 1.0)

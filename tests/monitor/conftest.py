@@ -17,7 +17,7 @@ from tests.support.fake_monitor import FakeMonitor, Loop, demo_loops
 from tests.support.runs import Seen, watch
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def fleet_data() -> pd.DataFrame:
     parts = [step_test(f"LIC-{k}", seed=k) for k in range(5)]
     data = pd.concat(parts).sort_values(["time", "loop"], kind="stable").reset_index(drop=True)
@@ -43,7 +43,7 @@ def fake() -> Iterator[FakeMonitor]:
     monitor.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def watched() -> tuple[list[LoopSpec], Engine, Seen]:
     """An hour of the demo's loops."""
     specs = demo(0)

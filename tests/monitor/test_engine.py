@@ -20,9 +20,8 @@ from monitor.engine import Engine
 from sim_plants.fleet import random_fleet
 from sim_plants.loops import Simulation
 from sim_plants.margins import margin
-from tests.support.plants import samples_of, table_of, times
+from tests.support.plants import samples_of, stepped, table_of, times
 from tests.support.runs import run
-from tests.support.steps import stepped
 
 
 def plain(records: list[Record]) -> list[Any]:

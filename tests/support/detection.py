@@ -12,7 +12,7 @@ from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector, Found
 from monitor.detect.event import LOAD_STEP, SETPOINT_STEP, ClosedEvent, EventWindow, Opened
-from tests.support.plants import pi_loop, times
+from tests.support.plants import stepped
 
 
 def events_of(found: Found) -> list[ClosedEvent]:
@@ -53,14 +53,6 @@ def as_bytes(found: Found) -> list[tuple[str, bytes, bytes]]:
     return out
 
 
-def stepped(n: int = 700, at: int = 200, size: float = 4.0, **facts: Any) -> Samples:
-    """One loop with a set-point step, at rest before it."""
-    sp = np.full(n, 50.0)
-    sp[at:] += size
-    pv, op = pi_loop(sp, **facts)
-    return Samples.of(0, times(n), sp, pv, op)
-
-
 def detected(samples: Samples, **facts: Any) -> tuple[Detector, Found]:
     detector = Detector([Loop(name="L", **facts)])
     found = detector.run(samples)
@@ -69,7 +61,7 @@ def detected(samples: Samples, **facts: Any) -> tuple[Detector, Found]:
 
 def closed_event() -> ClosedEvent:
     """A step of 4 that settled."""
-    return events_of(detected(stepped())[1])[0]
+    return events_of(detected(stepped(700))[1])[0]
 
 
 def slots_are_whole(detector: Detector) -> None:

@@ -69,6 +69,14 @@ def pi_loop(
     return pv, op
 
 
+def stepped(n: int = 900, at: int = 200, size: float = 4.0, **facts: Any) -> Samples:
+    """One loop with a set-point step, at rest before it."""
+    sp = np.full(n, 50.0)
+    sp[at:] += size
+    pv, op = pi_loop(sp, **facts)
+    return Samples.of(0, times(n), sp, pv, op)
+
+
 def table_of(specs: Sequence[LoopSpec], **facts: Any) -> list[Loop]:
     """Loop table of simulated loops, as it would be read from their export."""
     loops = []

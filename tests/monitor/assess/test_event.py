@@ -13,8 +13,8 @@ from sim_plants.controllers import Controller
 from sim_plants.loops import Simulation
 from sim_plants.plants import Plant
 from sim_plants.specs import LoopSpec, Steps
-from tests.monitor.assess.tools import assessed, stepped
-from tests.support.plants import samples_of
+from tests.monitor.assess.tools import assessed
+from tests.support.plants import samples_of, stepped
 from tests.support.runs import run
 
 

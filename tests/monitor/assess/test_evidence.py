@@ -11,10 +11,10 @@ import pytest
 from monitor.assess.evidence import is_explained
 from monitor.contract.records import INCONCLUSIVE
 from monitor.detect.event import LOAD_STEP, SETPOINT_STEP
-from tests.monitor.assess.tools import assessed, stepped
+from tests.monitor.assess.tools import assessed
 from tests.support.detection import closed_event
 from tests.support.fits import make_fit
-from tests.support.plants import pi_loop
+from tests.support.plants import pi_loop, stepped
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from tests.monitor.assess.tools import assessed, stepped
+from tests.monitor.assess.tools import assessed
+from tests.support.plants import stepped
 
 
 def test_the_index_is_of_the_signal_not_of_the_noise():

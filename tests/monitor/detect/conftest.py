@@ -14,7 +14,7 @@ from sim_plants.loops import Simulation
 from tests.support.plants import samples_of
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def fleet() -> tuple[list[Loop], Samples]:
     """Twelve loops of several periods over 2,000 s, interleaved in time, some samples bad."""
     specs = random_fleet(12, 3, noise=(0.0, 0.02))

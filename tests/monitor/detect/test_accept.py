@@ -16,16 +16,8 @@ from monitor.identify.integrals import setpoint_integrals
 from sim_plants.loops import Simulation
 from sim_plants.scenarios import reference_loops
 from sim_plants.specs import NEVER, Steps
-from tests.support.detection import (
-    as_bytes,
-    columns_of,
-    detected,
-    events_of,
-    openings_of,
-    stepped,
-    steps_of,
-)
-from tests.support.plants import SECOND, START, pi_loop, samples_of, times
+from tests.support.detection import as_bytes, columns_of, detected, events_of, openings_of, steps_of
+from tests.support.plants import SECOND, START, pi_loop, samples_of, stepped, times
 
 
 def state_without_counts(detector: Detector) -> bytes:
@@ -56,7 +48,7 @@ BAD = {
 def test_a_bad_sample_is_counted_and_changes_nothing(case, at):
     """Counted under its cause; all other state, and every event after it, as if it had not been there."""
     changes, cause = BAD[case]
-    samples = stepped(noise=0.01)
+    samples = stepped(700, noise=0.01)
     bad = samples.take([at])
     new = {}
     for name, value in changes.items():
@@ -83,7 +75,7 @@ def test_a_bad_sample_is_counted_and_changes_nothing(case, at):
 
 def test_an_uncertain_sample_is_used_and_counted():
     """Quality 64 to 191 counts as good data, and is counted apart."""
-    samples = stepped()
+    samples = stepped(700)
     detector, found = detected(replace(samples, quality=np.full(700, 64, np.uint8)))
     assert [e.uncertain_share for e in events_of(found)] == [1.0]
     found = [replace(e, uncertain_share=0.0) if isinstance(e, ClosedEvent) else e for e in found]
@@ -127,7 +119,7 @@ def test_a_spike_is_nothing_and_does_not_inflate_the_noise(size):
 
 def test_a_set_point_that_is_missing_holds():
     """NaN in SP: PV and OP go on being used, under the last set point; the sample counts as uncertain."""
-    samples = stepped(noise=0.01)
+    samples = stepped(700, noise=0.01)
     sp = samples.sp.copy()
     sp[[100, 150, 230, 231]] = np.nan
     detector, found = detected(replace(samples, sp=sp))
@@ -242,7 +234,7 @@ def test_other_units_are_no_step(in_event):
 
 def test_one_missing_sample_is_bridged():
     """Its neighbours' interval is twice as long; the integrals hold; it does not count as covered."""
-    samples = stepped()
+    samples = stepped(700)
     whole = events_of(detected(samples)[1])[0]
     keep = np.ones(700, bool)
     keep[[215, 231]] = False
@@ -279,7 +271,7 @@ def test_jittered_times_do_not_bias_the_integrals():
 
 def test_time_at_a_limit_is_counted_only_where_limits_are_known():
     """OP at its limit within the event and over the loop's life; 0 and 100 are never assumed."""
-    samples = stepped(kp=3.0, ti=200.0, dead=1)
+    samples = stepped(700, kp=3.0, ti=200.0, dead=1)
     op = np.minimum(samples.op, 55.0)
     with_limit, found = detected(replace(samples, op=op), op_high=55.0, op_low=0.0)
     (event,) = events_of(found)

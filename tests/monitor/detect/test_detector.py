@@ -15,8 +15,8 @@ from sim_plants.loops import Simulation
 from sim_plants.scenarios import reference_loops
 from sim_plants.specs import NEVER, Steps
 from tests.monitor.detect.tools import REFERENCE
-from tests.support.detection import as_bytes, detected, events_of, stepped
-from tests.support.plants import SECOND, START, samples_of, times
+from tests.support.detection import as_bytes, detected, events_of
+from tests.support.plants import SECOND, START, samples_of, stepped, times
 
 
 @pytest.mark.parametrize("name", REFERENCE)
@@ -51,7 +51,7 @@ def test_loops_do_not_see_each_other(fleet):
 
 def test_loops_added_later_leave_the_others_alone():
     """A new row in mid-event: the old loop's event comes out as if nothing had been added."""
-    samples = stepped(noise=0.01)
+    samples = stepped(700, noise=0.01)
     alone = as_bytes(detected(samples)[1])
     detector = Detector([Loop(name="L")])
     found = detector.run(samples.take(slice(0, 230)))

@@ -11,13 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor.detect.detector import Detector
-from tests.support.detection import as_bytes, columns_of, detected, events_of, slots_are_whole, stepped
+from tests.support.detection import as_bytes, columns_of, detected, events_of, slots_are_whole
+from tests.support.plants import stepped
 from tests.support.twins import integrals
 
 
 def test_running_integrals_equal_their_naive_twin():
     """All integrals, on uneven times, equal the textbook sums over the event's samples."""
-    samples = stepped(noise=0.05, seed=3)
+    samples = stepped(700, noise=0.05, seed=3)
     jitter = np.random.default_rng(1).integers(-200_000_000, 200_000_000, len(samples))
     samples = replace(samples, time=samples.time + jitter)
     _, found = detected(samples, period=1.0)
@@ -76,7 +77,7 @@ def test_sample_by_sample_equals_one_batch(fleet):
 )
 def test_units_and_clock_do_not_matter(a, b, c, d, shift):
     """PV and SP in other units (a x + b), OP too, at another time: the same events, integrals scaled."""
-    samples = stepped(noise=0.02, seed=9)
+    samples = stepped(700, noise=0.02, seed=9)
     other = replace(
         samples,
         sp=a * samples.sp + b,

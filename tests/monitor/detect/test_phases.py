@@ -14,21 +14,13 @@ from monitor.detect.event import BY_END, BY_GAP, BY_MODE, BY_STEP, CAUSES
 from monitor.detect.state import RING
 from sim_plants.specs import Steps
 from tests.monitor.detect.tools import TUNED, simulated
-from tests.support.detection import (
-    detected,
-    events_of,
-    loads_of,
-    openings_of,
-    slots_are_whole,
-    stepped,
-    steps_of,
-)
-from tests.support.plants import SECOND, START, pi_loop, times
+from tests.support.detection import detected, events_of, loads_of, openings_of, slots_are_whole, steps_of
+from tests.support.plants import SECOND, START, pi_loop, stepped, times
 
 
 def test_a_step_opens_and_closes_one_event():
     """One opening, one closing, of the step's size, at the sample that shows it, with what came before."""
-    _, found = detected(stepped())
+    _, found = detected(stepped(700))
     (opened,), (closed,) = openings_of(found), events_of(found)
     for event in (opened, closed):
         assert event.amplitude == pytest.approx(4.0)
@@ -77,7 +69,7 @@ def test_a_loop_that_does_not_settle_is_given_up():
 
 def test_a_step_during_an_event_interrupts_it_and_opens_the_next():
     """The first ends where the second begins; the second is not from rest."""
-    samples = stepped()
+    samples = stepped(700)
     sp = samples.sp.copy()
     sp[230:] += 3.0
     pv, op = pi_loop(sp)
@@ -90,7 +82,7 @@ def test_a_step_during_an_event_interrupts_it_and_opens_the_next():
 
 def test_a_gap_interrupts_an_event_and_nothing_is_integrated_across():
     """An hour without data in the middle of an event: closed at the last sample before it."""
-    samples = stepped()
+    samples = stepped(700)
     shifted = samples.time.copy()
     shifted[260:] += 3600 * SECOND
     detector, found = detected(replace(samples, time=shifted))
@@ -105,7 +97,7 @@ def test_a_gap_interrupts_an_event_and_nothing_is_integrated_across():
 
 def test_manual_interrupts_an_event_and_counts():
     """A change to manual closes the event; nothing opens in manual; the share of time is kept."""
-    samples = stepped()
+    samples = stepped(700)
     sp = samples.sp.copy()
     sp[400:] += 5.0
     auto = np.ones(700, bool)
@@ -119,7 +111,7 @@ def test_manual_interrupts_an_event_and_counts():
 def test_the_end_of_the_data_interrupts_an_event():
     """`flush` closes what is open, once."""
     detector = Detector([Loop(name="L")])
-    detector.run(stepped().take(slice(0, 240)))
+    detector.run(stepped(700).take(slice(0, 240)))
     (closed,) = events_of(detector.flush())
     assert (closed.state, closed.cause) == ("interrupted", CAUSES[BY_END])
     assert detector.flush() == []

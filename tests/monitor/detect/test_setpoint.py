@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from monitor.contract.samples import Samples
 from monitor.detect.event import BY_STEP, CAUSES
 from monitor.detect.state import STEP_REST
-from tests.support.detection import detected, events_of, loads_of, slots_are_whole, stepped, steps_of
-from tests.support.plants import SECOND, START, pi_loop, times
+from tests.support.detection import detected, events_of, loads_of, slots_are_whole, steps_of
+from tests.support.plants import SECOND, START, pi_loop, stepped, times
 
 
 def closed_by(sp: NDArray[np.float64], **facts: Any) -> list[Any]:

@@ -14,8 +14,8 @@ from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector, Found
 from monitor.detect.event import SETPOINT_STEP, Opened
 from monitor.detect.state import RING, WINDOW
-from tests.support.detection import columns_of, detected, events_of, openings_of, slots_are_whole, stepped
-from tests.support.plants import SECOND, START, pi_loop, times
+from tests.support.detection import columns_of, detected, events_of, openings_of, slots_are_whole
+from tests.support.plants import SECOND, START, pi_loop, stepped, times
 
 
 @settings(max_examples=20)
@@ -48,7 +48,7 @@ def test_thinning_keeps_the_integral_of_op(n, seed):
 
 def test_a_short_window_holds_every_sample():
     """The ring's samples from before the onset, then all until the end, as they came."""
-    samples = stepped()
+    samples = stepped(700)
     _, found = detected(samples)
     (event,) = events_of(found)
     window = event.window

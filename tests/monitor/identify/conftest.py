@@ -11,7 +11,7 @@ from tests.monitor.identify.tools import load_event, with_second_lag
 from tuners.models import INTEGRATING, SELF_REGULATING
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def after_loads() -> list[tuple[Plant, list[Fit]]]:
     """Forty self-regulating plants after a load step at 1 % of noise, both kinds fitted."""
     found = []

@@ -12,9 +12,8 @@ from monitor.contract.records import GOOD, INCONCLUSIVE, RETUNE, Suggestion
 from monitor.contract.samples import Samples
 from monitor.engine import Engine
 from monitor.verdict.history import MOST_FINDINGS
-from tests.support.plants import START, pi_loop, times
+from tests.support.plants import START, pi_loop, stepped, times
 from tests.support.runs import run
-from tests.support.steps import stepped
 
 
 def treads(sizes: list[float], apart: int = 500, **facts: Any) -> Samples:

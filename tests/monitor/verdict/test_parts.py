@@ -7,8 +7,8 @@ import json
 import pytest
 
 from monitor.contract.loops import Loop
+from tests.support.plants import stepped
 from tests.support.runs import run
-from tests.support.steps import stepped
 
 
 @pytest.mark.parametrize(

@@ -19,18 +19,18 @@ from tuners.settings import FILTER_RATIO, Settings
 from .region import fastest_safe
 from .stages import rounded
 
-SLOWEST = 64.0
+SLOWEST_RATIO = 64.0
 """The closed-loop time is raised at most by this factor in search of a safe suggestion."""
-TIMES = 97
+TIME_COUNT = 97
 """Closed-loop times that are looked at: 4.4 % from one to the next."""
-FURTHEST = 10.0
+FURTHEST_RATIO = 10.0
 """A suggestion changes the gain by at most this factor: the evidence was seen with the settings of today."""
-RESETS = [1.0, 0.85, 0.7, 0.6]
+RESET_SHARES = [1.0, 0.85, 0.7, 0.6]
 """Factors on the rule's integral time. ``Kc K Ti`` is 4 by the rule and so 2.4 at least, as in the tightest
 well-damped published rules (Fruehauf 1993: 2.5); below 2 an integrator rolls."""
-LEADS = [0.5, 0.25, 0.1]
+LEAD_SHARES = [0.5, 0.25, 0.1]
 """Factors on the rule's derivative time, where noise on OP limits a suggestion."""
-LOUD = "PV's noise"
+TOO_NOISY = "PV's noise"
 """How the limit of noise begins to be said."""
 
 
@@ -52,11 +52,11 @@ class Limits:
         if self.loop.op_span is not None:
             allowed = self.loop.op_noise_max / 100.0 * self.loop.op_span
             loud = op_noise(many, self.noise, self.period) > allowed
-            limits.append((f"{LOUD} would put more than {self.loop.op_noise_max:g} % on OP", loud))
+            limits.append((f"{TOO_NOISY} would put more than {self.loop.op_noise_max:g} % on OP", loud))
         if self.loop.kp is not None:
             ratio = np.abs(np.asarray(many.kp) / self.loop.kp)
-            far = (ratio > FURTHEST) | (ratio < 1.0 / FURTHEST)
-            limits.append((f"the gain would change more than {FURTHEST:g} times at once", far))
+            far = (ratio > FURTHEST_RATIO) | (ratio < 1.0 / FURTHEST_RATIO)
+            limits.append((f"the gain would change more than {FURTHEST_RATIO:g} times at once", far))
         return limits
 
     def too_sensitive(self) -> str:
@@ -67,6 +67,12 @@ class Limits:
         """Ms on the model found and on the worst one, exact."""
         peaks = np.ravel(peak_sensitivity(self.region, settings))
         return float(peaks[0]), float(np.max(peaks))
+
+    def kept_by(self, settings: Settings, peaks: tuple[float, float]) -> bool:
+        """Whether settings, with Ms on the model found and on the worst one, keep to all limits."""
+        return not peaks[1] > self.loop.ms_max and not any(
+            np.any(where) for _, where in self.broken(settings)
+        )
 
 
 @dataclass(eq=False, slots=True)
@@ -107,7 +113,7 @@ def search(limits: Limits, times: Array, rule: Settings) -> Search:
     at = {row: int(np.argmax(fits[row])) for row in range(len(fits)) if fits[row].any()}
     never = [why for why, broken in reasons if broken.all()]
     failing = "; ".join(never or [why for why, broken in reasons if broken.any()])
-    loud = any(bool(np.any(broken & ~unsafe)) for why, broken in reasons if why.startswith(LOUD))
+    loud = any(bool(np.any(broken & ~unsafe)) for why, broken in reasons if why.startswith(TOO_NOISY))
     return Search(limits, times, many, at, failing, loud)
 
 
@@ -119,17 +125,18 @@ def reference_candidates(
     The rule ties its integral time to tc: ``Ti = 4 (tc + theta)``, or the lag where that is shorter. What makes a
     suggestion slow is mostly an uncertain gain or dead time, for which tc is raised; the integral action is not what
     endangers the worst model then, but a load's error is ``Ti/|Kc|`` and so grows with the *square* of tc + theta.
-    So the integral time may be shorter than the rule's by the factors `RESETS` (derived: a coarse form of maximising
-    ``Kc/Ti`` under a limit on Ms, Åström, Panagopoulos & Hägglund 1998). A set-point step gains nothing by it.
+    So the integral time may be shorter than the rule's by the factors `RESET_SHARES` (derived: a coarse form of
+    maximising ``Kc/Ti`` under a limit on Ms, Åström, Panagopoulos & Hägglund 1998). A set-point step gains nothing by
+    it.
 
     The derivative time is the lag that it cancels; its action is also what carries most of PV's noise to OP. Where
-    that limits a suggestion (``loud``), less of the lag is cancelled, by the factors `LEADS`, for more gain.
+    that limits a suggestion (``loud``), less of the lag is cancelled, by the factors `LEAD_SHARES`, for more gain.
     """
     rule = reference_settings(model, structure, times)
-    resets = [1.0] if structure in {"p", "pd"} or loop.objective == SETPOINT else RESETS
+    resets = [1.0] if structure in {"p", "pd"} or loop.objective == SETPOINT else RESET_SHARES
     ways = [(reset, 1.0) for reset in resets]
     if loud and structure in {"pd", "pid"}:
-        ways += [(reset, lead) for lead in LEADS for reset in resets[::2]]
+        ways += [(reset, lead) for lead in LEAD_SHARES for reset in resets[::2]]
     reset, lead = (column[:, None] for column in np.array(ways).T)
     kp, ti, td, tf = np.broadcast_arrays(rule.kp, reset * rule.ti, lead * rule.td, lead * rule.tf)
     return Settings(kp, ti, td, tf, rule.form)

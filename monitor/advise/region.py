@@ -8,17 +8,17 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.assess.reference import held
+from monitor.assess.reference import with_hold_delay
 from monitor.identify.fit import Array, Fit, Valley
 from tuners.models import INTEGRATING, IntegratingModel, Model, SelfRegulatingModel
 from tuners.settings import Settings
 
 from .worst_case import first_safe, worst_distance
 
-RADIUS = math.sqrt(7.815)
+RADIUS_SD = math.sqrt(7.815)
 """Radius, in sigma, of the 95 % region of three parameters (chi-squared, 3 degrees of freedom)."""
 
-LAG_SEEN = 2.0
+LAG_SEEN_SD = 2.0
 """Sigmas from 0 from which a self-regulating process's lag is not in doubt."""
 
 
@@ -40,7 +40,7 @@ def uncertain_models(fit: Fit, period: float) -> Model:
     Where the region reaches below a time of 0 it is cut: a point is drawn back towards the centre.
     """
     if fit.valley is not None:
-        return held(_along(fit, fit.valley), period)
+        return with_hold_delay(_along(fit, fit.valley), period)
     cov = _covariance(fit)
     scale = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     # of no unit, so that seconds and minutes agree
@@ -51,16 +51,16 @@ def uncertain_models(fit: Fit, period: float) -> Model:
     beside_lag = cov - np.outer(cov[1], cov[1]) / scale[1] ** 2
     at_lag = [sign * math.sqrt(max(beside_lag[k, k], 0.0)) * np.eye(3)[k] for k in (0, 2) for sign in (-1, 1)]
     extremes = [sign * cov[k] / scale[k] for k in range(3) for sign in (-1, 1)]
-    offsets = RADIUS * np.array([np.zeros(3), *(d @ axes.T for d in directions), *at_lag, *extremes])
+    offsets = RADIUS_SD * np.array([np.zeros(3), *(d @ axes.T for d in directions), *at_lag, *extremes])
     gain, lag, dead_time = (x[:, None] for x in _inside(fit, offsets))
     if fit.process == INTEGRATING:
-        return held(IntegratingModel(gain, dead_time, lag), period)
-    return held(SelfRegulatingModel(gain, dead_time, lag, np.full_like(lag, fit.lag2)), period)
+        return with_hold_delay(IntegratingModel(gain, dead_time, lag), period)
+    return with_hold_delay(SelfRegulatingModel(gain, dead_time, lag, np.full_like(lag, fit.lag2)), period)
 
 
 def _by_ratio(fit: Fit) -> bool:
     """Whether the lag is uncertain by a factor, rather than by the rounding that it leaves."""
-    return fit.process != INTEGRATING and fit.lag > LAG_SEEN * math.sqrt(max(fit.cov[1, 1], 0.0))
+    return fit.process != INTEGRATING and fit.lag > LAG_SEEN_SD * math.sqrt(max(fit.cov[1, 1], 0.0))
 
 
 def _along(fit: Fit, valley: Valley) -> Model:
@@ -69,7 +69,7 @@ def _along(fit: Fit, valley: Valley) -> Model:
     What a model has lost of its likelihood is taken off the radius of the region about it, so that all lie on
     one surface.
     """
-    near = valley.deficit < RADIUS**2
+    near = valley.deficit < RADIUS_SD**2
     models, deficit = valley.models[near], valley.deficit[near]
     cov = valley.across + np.diag(fit.floor)
     scale = np.sqrt(np.maximum(np.diag(cov), 1e-300))
@@ -77,7 +77,7 @@ def _along(fit: Fit, valley: Valley) -> Model:
     axes = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     signs = [np.array(s) for s in product((-1.0, 0.0, 1.0), repeat=3) if any(s)]
     directions = np.array([np.zeros(3), *(s / np.linalg.norm(s) @ axes.T for s in signs)])
-    offsets = np.sqrt(RADIUS**2 - deficit)[:, None, None] * directions
+    offsets = np.sqrt(RADIUS_SD**2 - deficit)[:, None, None] * directions
     times = models[:, None, 1:3]
     with np.errstate(divide="ignore", invalid="ignore"):
         room = np.where(offsets[..., 1:] < 0, times / -offsets[..., 1:], np.inf)
@@ -139,7 +139,7 @@ def worst_peaks(models: Model, settings: Settings) -> Array:
     return np.array([1.0 / w if w > 0 else math.inf for w in worst])
 
 
-def found(models: Model) -> Model:
+def nominal(models: Model) -> Model:
     """Return the first of some models, the fit itself, with fields (1,)."""
     gain, dead_time, *lags = (np.ravel(x)[:1] for x in (models.gain, models.dead_time, *models.lags))
     if isinstance(models, IntegratingModel):

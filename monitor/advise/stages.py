@@ -11,11 +11,11 @@ import numpy as np
 from tuners.models import Model
 from tuners.settings import Settings
 
-from .region import found, worst_peaks
+from .region import nominal, worst_peaks
 
-STAGE = 3.0
+STAGE_RATIO = 3.0
 """Factor in gain above which a change is given in stages."""
-CLOSE = 0.99
+STAGE_MS_SHARE = 0.99
 """Ms is searched to 1 %: a stage keeps this much below what it may have."""
 
 ORDERS: list[Callable[[float], tuple[float, float]]] = [
@@ -43,16 +43,16 @@ def stages(region: Model, today: Settings, new: Settings, ms_max: float) -> list
     ms_max
         Highest Ms wanted [-].
     """
-    n = max(math.ceil(abs(math.log(abs(float(new.kp) / float(today.kp)))) / math.log(STAGE) - 1e-9), 1)
+    n = max(math.ceil(abs(math.log(abs(float(new.kp) / float(today.kp)))) / math.log(STAGE_RATIO) - 1e-9), 1)
     if n == 1:
         return [new]
     ways = [[_between(today, new, *order(k / n)) for k in range(1, n + 1)] for order in ORDERS]
     every = stacked([today, *(stage for way in ways for stage in way[:-1])])
-    nominal, worst = (worst_peaks(models, every) for models in (found(region), region))
-    allowed = max(ms_max, nominal[0])
-    peaks = [np.max(p[1:].reshape(len(ways), n - 1), axis=1) for p in (nominal, worst)]
+    at_fit, worst = (worst_peaks(models, every) for models in (nominal(region), region))
+    allowed = max(ms_max, at_fit[0])
+    peaks = [np.max(p[1:].reshape(len(ways), n - 1), axis=1) for p in (at_fit, worst)]
     order = sorted(range(len(ways)), key=lambda k: (peaks[1][k], peaks[0][k]))
-    safe = [k for k in order if peaks[0][k] <= CLOSE * allowed]
+    safe = [k for k in order if peaks[0][k] <= STAGE_MS_SHARE * allowed]
     return ways[safe[0]] if safe else [new]
 
 

@@ -12,26 +12,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor.assess.reference import (
-    LOAD,
     RULE,
-    SETPOINT,
     closed_loop_time,
     model_of,
     reduced,
-    reference_iae,
     reference_structure,
     settings_of,
 )
-from monitor.assess.tuning import MARGIN
+from monitor.assess.tuning import MS_MARGIN_RATIO
 from monitor.contract.loops import Loop
 from monitor.identify.fit import Fit
-from tuners.models import IntegratingModel, Model
-from tuners.responses import step_figures
+from tuners.levels import averaging
+from tuners.models import IntegratingModel
 from tuners.settings import NotRepresentableError, Settings
 
 from .candidates import (
-    SLOWEST,
-    TIMES,
+    SLOWEST_RATIO,
+    TIME_COUNT,
     Limits,
     Search,
     named_candidates,
@@ -40,28 +37,12 @@ from .candidates import (
     rule_mismatch,
     search,
 )
-from .region import uncertain_models, worst_peaks
-from .stages import rounded, stacked, stages
+from .prediction import Predicted, predict, references_of
+from .region import uncertain_models
+from .stages import rounded, stages
 
-GAIN_WORTH = 0.85
-"""A suggestion for speed must bring the predicted error below this share of today's."""
-LEAST_SHARE = 0.5
-"""Least share of an uncertain reference's error that is still asked for."""
-NEAR = 0.02
+STEP_ASIDE_SHARE = 0.02
 """Gain, as a share of the reference's error, for which a suggestion goes one step away from the rule itself."""
-KINDS = (SETPOINT, LOAD)
-WANTED = {SETPOINT: (SETPOINT,), LOAD: (LOAD,)}
-"""Kinds of step that count for an objective; both where it is not named here."""
-
-
-@dataclass(frozen=True, slots=True)
-class Predicted:
-    """What settings make of unit steps on the model."""
-
-    overshoot: float | None
-    """Share of a set-point step; None for an unstable loop."""
-    iae: dict[str, float]
-    """By kind of step [s], [PV s/OP]; inf for an unstable loop, or an error that stays."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +108,7 @@ def advise(loop: Loop, fit: Fit, noise: float, period: float, ms: float | None) 
     model = model_of(fit)
     structure = reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), period)
-    times = tc * np.geomspace(1.0, SLOWEST, TIMES)
+    times = tc * np.geomspace(1.0, SLOWEST_RATIO, TIME_COUNT)
     name = loop.rule if loop.rule and not rule_mismatch(loop, fit.process) else RULE[structure]
     try:
         if name == RULE[structure]:
@@ -150,12 +131,12 @@ def renewed(advice: Advice, loop: Loop, fit: Fit, noise: float, period: float) -
     limits = Limits(loop, uncertain_models(fit, period), noise, period)
     new, model = advice.settings, model_of(fit)
     peaks = limits.worst(new)
-    if peaks[1] > loop.ms_max or any(np.any(where) for _, where in limits.broken(new)):
+    if not limits.kept_by(new, peaks):
         return None
-    (after,), before = _predicted(model, [new], settings_of(loop))
+    (after,), before = predict(model, [new], settings_of(loop))
     structure = reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), period)
-    ci = None if advice.ci is None else _index(_references(loop, fit, structure, tc), after)
+    ci = None if advice.ci is None else references_of(loop, fit, structure, tc).index(after)
     return _advice(limits, advice.rule, new, advice.closed_loop_time, peaks, ci, before, after)
 
 
@@ -165,24 +146,24 @@ def _best(
     """Take the candidate that serves the loop's objective best and is, looked at exactly, safe."""
     limits, loop = found.limits, found.limits.loop
     today, model = settings_of(loop), model_of(fit)
-    references = _references(loop, fit, structure, tc)
+    references = references_of(loop, fit, structure, tc)
     while found.at:
         candidates = found.typed()
-        each, before = _predicted(model, list(candidates.values()), today)
-        errors = [_error(references, after) for after in each]
-        k = min(range(len(candidates)), key=lambda n: errors[n] + NEAR * n)
+        each, before = predict(model, list(candidates.values()), today)
+        errors = [references.error(after) for after in each]
+        k = min(range(len(candidates)), key=lambda n: errors[n] + STEP_ASIDE_SHARE * n)
         row, new = list(candidates.items())[k]
         peaks = limits.worst(new)
-        if peaks[1] > loop.ms_max or any(np.any(where) for _, where in limits.broken(new)):
+        if not limits.kept_by(new, peaks):
             found.slower(row)
             continue
-        quiet = ms is not None and ms <= MARGIN * loop.ms_max
-        if before is not None and quiet and not _worthwhile(loop, references, before, each[k]):
+        quiet = ms is not None and ms <= MS_MARGIN_RATIO * loop.ms_max
+        if before is not None and quiet and not references.worthwhile(loop, before, each[k]):
             return Withheld(
                 "as tight as the evidence allows: no safe settings are 15 % better", fine_as_it_is=True
             )
         tc_found = float(found.times[found.at[row]])
-        return _advice(limits, rule, new, tc_found, peaks, _index(references, each[k]), before, each[k])
+        return _advice(limits, rule, new, tc_found, peaks, references.index(each[k]), before, each[k])
     return Withheld(found.failing)
 
 
@@ -197,73 +178,6 @@ def _advice(
     return Advice(rule, new, tc, *peaks, ci, noise, before, after, way)
 
 
-def _worthwhile(loop: Loop, references: dict[str, _Reference], before: Predicted, after: Predicted) -> bool:
-    """Whether the error that counts shrinks by 15 %, for one kind of step at least, and not at the other's cost."""
-    shrinks = [after.iae[k] < GAIN_WORTH * before.iae[k] for k in WANTED.get(loop.objective, KINDS)]
-    return any(shrinks) and not _error(references, after) > _error(references, before)
-
-
-@dataclass(frozen=True, slots=True)
-class _Reference:
-    """What is asked of a response to one kind of step."""
-
-    iae: float
-    """IAE of the reference, unit step."""
-    enough: float
-    """Share of it below which less is worth nothing."""
-
-
-def _references(loop: Loop, fit: Fit, structure: str, tc: float) -> dict[str, _Reference]:
-    """Return the references of the kinds of step that count, empty where none is known.
-
-    To be better than the reference is worth nothing, but for one sigma of the reference: its errors go with
-    tc + theta, or for a load with gain (tc + theta)^2, of the model found. (Without that margin a dead time that was
-    found too long makes a suggestion too slow by its square.)
-    """
-    model = model_of(fit)
-    theta = float(reduced(model, structure).dead_time)
-    half = 0.5 if structure in {"p", "pi"} and isinstance(model, IntegratingModel) else 0.0
-    weights = np.array([0.0, half, 1.0])
-    moved = 2.0 if loop.closed_loop_time is None and tc == theta else 1.0  # tc goes with the dead time
-    time = moved * math.sqrt(max(float(weights @ fit.cov @ weights), 0.0)) / (tc + theta)
-    load = math.hypot(2.0 * time, math.sqrt(fit.cov[0, 0]))
-    references = {}
-    for kind in WANTED.get(loop.objective, KINDS):
-        sigma = time if kind == SETPOINT else load
-        try:
-            best = reference_iae(kind, 1.0, model, structure, tc, loop.b, loop.c)
-        except ValueError:
-            continue
-        if math.isfinite(best):
-            references[kind] = _Reference(best, max(math.exp(-sigma), LEAST_SHARE))
-    return references
-
-
-def _error(references: dict[str, _Reference], predicted: Predicted) -> float:
-    """Sum of the predicted errors over the reference's, as far as they matter."""
-    return sum(max(predicted.iae[kind] / best.iae, best.enough) for kind, best in references.items())
-
-
-def _index(references: dict[str, _Reference], predicted: Predicted) -> float | None:
-    """Least predicted index."""
-    indices = [best.iae / predicted.iae[kind] for kind, best in references.items() if predicted.iae[kind] > 0]
-    return min(indices, default=None)
-
-
-def _predicted(
-    model: Model, new: list[Settings], today: Settings | None
-) -> tuple[list[Predicted], Predicted | None]:
-    """Predict what each of the new settings, and today's where they are known, do on the model."""
-    every = stacked([*new, *([] if today is None else [today])])
-    found = step_figures(model, every, np.isfinite(worst_peaks(model, every)))
-    rows = np.column_stack([found.overshoot, found.iae_setpoint, found.iae_load]).tolist()
-    predicted = [
-        Predicted(None if math.isnan(over) else over, dict(zip(KINDS, iae, strict=True)))
-        for over, *iae in rows
-    ]
-    return predicted[: len(new)], None if today is None else predicted[-1]
-
-
 def _averaging(limits: Limits, fit: Fit) -> Advice | Withheld:
     """Suggest for a surge vessel the gain that its load and room ask for, and as much integral as damping allows.
 
@@ -275,17 +189,18 @@ def _averaging(limits: Limits, fit: Fit) -> Advice | Withheld:
     if not isinstance(model, IntegratingModel):
         return Withheld("the averaging rule is for integrating processes")
     if loop.max_load is not None and loop.max_deviation is not None:
-        kp = rounded(math.copysign(loop.max_load / loop.max_deviation, fit.gain))
+        size = rounded(loop.max_load / loop.max_deviation)
     elif today is not None:
-        kp = float(today.kp)
+        size = abs(float(today.kp))
     else:
         return Withheld("the averaging rule needs max_load and max_deviation, or today's settings")
-    integral = reference_structure(loop) in {"pi", "pid"}
-    ti = rounded(4.0 / (kp * fit.gain)) if integral else math.inf
+    rule = averaging(model, size, 1.0)  # its integral time is for the gain as one types it
+    kp, integral = float(rule.kp), reference_structure(loop) in {"pi", "pid"}
+    ti = rounded(float(rule.ti)) if integral else math.inf
     new = Settings(kp, ti, 0.0, 0.0, loop.canonical_form, loop.b, loop.c)
     peaks = limits.worst(new)
     broken = [why for why, where in limits.broken(new) if np.any(where)]
     if peaks[1] > loop.ms_max or broken:
         return Withheld("; ".join([limits.too_sensitive()] * (peaks[1] > loop.ms_max) + broken))
-    (after,), before = _predicted(model, [new], today)
+    (after,), before = predict(model, [new], today)
     return _advice(limits, "averaging", new, 1.0 / (kp * fit.gain), peaks, None, before, after)

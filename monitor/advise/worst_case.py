@@ -15,15 +15,15 @@ from monitor.compiled import jit
 
 Array = NDArray[np.float64]
 
-STEP = 0.08
+FREQUENCY_STEP_SHARE = 0.08
 """Step of the frequency as a share of it: a parabola through three points finds the peak to 0.1 %."""
-TURN = 0.35
+TURN_RAD = 0.35
 """Largest step of the dead time's angle [rad]."""
-MOST = 2000
+MOST_FREQUENCIES = 2000
 """Steps after which a loop is given up as unsafe."""
-LOW = 30.0
+LOWEST_LOOP_GAIN = 30.0
 """abs(L) at the lowest frequency: below it abs(S) is under 1/29."""
-NEGLIGIBLE = 0.05
+NEGLIGIBLE_LOOP_GAIN = 0.05
 """abs(L) that is not followed further."""
 
 
@@ -61,12 +61,12 @@ def least_distance(  # noqa: PLR0915 (one pass over the frequencies)
     times = theta + lag + lag2 + tf
     if not g > 0.0:
         return 0.0
-    omega = (g / LOW) ** (1.0 / n) if n > 0 else 0.01 / (times + a1 + 1e-300)
+    omega = (g / LOWEST_LOOP_GAIN) ** (1.0 / n) if n > 0 else 0.01 / (times + a1 + 1e-300)
     if times > 0.0:
         omega = min(omega, 0.2 / times)
     least, turns = 1.0, 0.0
     size_before, before, before2, omega_before = 0.0, np.inf, np.inf, omega
-    for k in range(MOST):
+    for k in range(MOST_FREQUENCIES):
         x = omega * omega
         cos, sin = math.cos(omega * theta), math.sin(omega * theta)
         up_re, up_im = 1.0 - a2 * x, a1 * omega
@@ -98,10 +98,14 @@ def least_distance(  # noqa: PLR0915 (one pass over the frequencies)
             return least
         bound = g * (1.0 + a1 * omega + a2 * x) / omega**n
         bound /= max(1.0, omega * lag) * max(1.0, omega * lag2) * max(1.0, omega * tf)
-        if bound < max(1.0 - least, NEGLIGIBLE):
+        if bound < max(1.0 - least, NEGLIGIBLE_LOOP_GAIN):
             return least if turns == 0.0 else 0.0
         size_before, before2, before, omega_before = size, before, distance, omega
-        omega += min(STEP * omega, TURN / theta) if theta > 0.0 else STEP * omega
+        omega += (
+            min(FREQUENCY_STEP_SHARE * omega, TURN_RAD / theta)
+            if theta > 0.0
+            else FREQUENCY_STEP_SHARE * omega
+        )
     return 0.0
 
 

@@ -17,7 +17,7 @@ from tuners.settings import Settings
 from tuners.simc import simc_pd, simc_pi, simc_pid
 
 SETPOINT, LOAD = "setpoint", "load"
-MOST_PERIODS = 3.0
+LEAST_TC_PERIODS = 3.0
 """The default closed-loop time is at least these sample periods: what the data cannot resolve is not asked."""
 
 
@@ -28,7 +28,7 @@ def model_of(fit: Fit) -> Model:
     return SelfRegulatingModel(fit.gain, fit.dead_time, fit.lag, fit.lag2)
 
 
-def held(model: Model, period: float) -> Model:
+def with_hold_delay(model: Model, period: float) -> Model:
     """Return the model as a controller that acts once a period meets it: half a period more of dead time.
 
     A fit sees OP as held from sample to sample, so its dead time leaves out the hold's own delay. That delay is
@@ -68,7 +68,7 @@ def closed_loop_time(loop: Loop, model: Model, period: float) -> float:
     """Return tc [s]: the loop's own, else the reduced model's dead time, but at least three sample periods."""
     if loop.closed_loop_time is not None:
         return loop.closed_loop_time
-    return max(float(model.dead_time), MOST_PERIODS * period)
+    return max(float(model.dead_time), LEAST_TC_PERIODS * period)
 
 
 def reference_settings(model: Model, structure: str, tc: FloatOrArray) -> Settings:

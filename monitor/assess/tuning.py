@@ -6,15 +6,16 @@ import math
 
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, RETUNE
+from tuners.levels import method_product
 from tuners.models import IntegratingModel, Model
 from tuners.robustness import peak_sensitivity
 from tuners.settings import NotRepresentableError
 
-from .reference import LOAD, SETPOINT, held, settings_of
+from .reference import LOAD, SETPOINT, settings_of, with_hold_delay
 
-MARGIN = 1.25
+MS_MARGIN_RATIO = 1.25
 """A loop is flagged for robustness above this many times its ``ms_max``: the reference itself may lie near it."""
-TRAP = 2.0
+LEAST_METHOD_PRODUCT = 2.0
 """Kc K Ti below which an integrator under PI rolls (damping below 0.7); good rules lie at 2.4 to 4."""
 
 
@@ -23,7 +24,7 @@ def current_sensitivity(loop: Loop, model: Model | None, period: float) -> float
     settings = settings_of(loop)
     if model is None or settings is None or float(settings.kp) * float(model.gain) < 0:
         return None
-    return float(peak_sensitivity(held(model, period), settings))
+    return float(peak_sensitivity(with_hold_delay(model, period), settings))
 
 
 def integral_too_strong(loop: Loop, model: Model) -> str:
@@ -36,13 +37,12 @@ def integral_too_strong(loop: Loop, model: Model) -> str:
     if not isinstance(model, IntegratingModel) or settings is None or not math.isfinite(loop.ti):
         return ""
     try:
-        standard = settings.to("standard")
+        product = float(method_product(model, settings))
     except NotRepresentableError:
         return ""
-    product = float(standard.kp) * float(model.gain) * float(standard.ti)
-    if not 0 < product < TRAP:
+    if not 0 < product < LEAST_METHOD_PRODUCT:
         return ""
-    longer = 4.0 / (float(standard.kp) * float(model.gain))
+    longer = 4.0 / (float(settings.to("standard").kp) * float(model.gain))
     return (
         f"the integral action is too strong for the gain: Kc K Ti = {product:.2g} (below 2, damping "
         f"{math.sqrt(product) / 2:.2g}), so the loop rolls; a longer Ti ({longer:.3g} s or more at this gain) or a "
@@ -60,9 +60,9 @@ def judge(
     if loop.objective == "averaging":
         return _judge_averaging(loop, model, ms)
     reasons = []
-    if ms is not None and ms > MARGIN * loop.ms_max:
+    if ms is not None and ms > MS_MARGIN_RATIO * loop.ms_max:
         said = "unstable on the model" if math.isinf(ms) else f"Ms = {ms:.2f}"
-        reasons.append(f"too close to instability: {said} ({MARGIN * loop.ms_max:.3g} at most)")
+        reasons.append(f"too close to instability: {said} ({MS_MARGIN_RATIO * loop.ms_max:.3g} at most)")
     shape = f", overshoot {over:.0%}" if over > 0.1 else ""
     wanted = [
         (value, name)
@@ -89,7 +89,7 @@ def judge(
 
 def _judge_averaging(loop: Loop, model: Model, ms: float | None) -> tuple[str, str]:
     """Judge a surge vessel by what it is for: gentle, not tight."""
-    if ms is not None and ms > MARGIN * loop.ms_max:
+    if ms is not None and ms > MS_MARGIN_RATIO * loop.ms_max:
         return RETUNE, f"averaging level too close to instability: Ms = {ms:.2f}"
     cause = integral_too_strong(loop, model)
     if cause:

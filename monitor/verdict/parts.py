@@ -7,7 +7,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from monitor.advise.suggestion import Advice, Predicted
+from monitor.advise.prediction import Predicted
+from monitor.advise.suggestion import Advice
 from monitor.contract.loops import Loop
 from monitor.contract.records import NOT_ASSESSED
 from tuners.blocks import BLOCKS

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor.assess.reference import settings_of
-from monitor.assess.tuning import MARGIN, integral_too_strong
+from monitor.assess.tuning import MS_MARGIN_RATIO, integral_too_strong
 from monitor.contract.loops import Loop, offset_intended
 from monitor.contract.records import INCONCLUSIVE, NOT_ASSESSED, RETUNE
 from monitor.health.loop_health import Health
@@ -204,7 +204,7 @@ def _rolls_by_itself(health: Health, tuning: Tuning, loop: Loop) -> bool:
     dead_time, lag = tuning.model.get("dead_time") or 0.0, tuning.model.get("lag") or 0.0
     integrating = tuning.process == INTEGRATING
     model = (IntegratingModel if integrating else SelfRegulatingModel)(gain, dead_time, lag)
-    if tuning.ms <= MARGIN * loop.ms_max and not integral_too_strong(loop, model):
+    if tuning.ms <= MS_MARGIN_RATIO * loop.ms_max and not integral_too_strong(loop, model):
         return False
     # relative to the period seen; the loop's own is where it amplifies most
     ratio = np.geomspace(1 / 30, 30, 301)

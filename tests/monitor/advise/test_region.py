@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor.advise.region import found, uncertain_models, worst_peaks
+from monitor.advise.region import nominal, uncertain_models, worst_peaks
 from tests.monitor.advise.tools import given_advice, sluggish
 from tests.support.fits import make_fit
 from tuners.models import SELF_REGULATING, IntegratingModel
@@ -32,7 +32,7 @@ def test_the_region_holds_what_the_data_allow():
     assert dead_time.max() > 15.0
     assert lag.max() < 6.0 + 2.0 * 3.0
     assert np.ptp(dead_time + lag) < 6.0
-    assert found(region) == IntegratingModel(gain[:1], dead_time[:1], lag[:1])
+    assert nominal(region) == IntegratingModel(gain[:1], dead_time[:1], lag[:1])
 
 
 @settings(max_examples=50)

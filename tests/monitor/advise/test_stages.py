@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor.advise.region import uncertain_models, worst_peaks
-from monitor.advise.stages import ORDERS, STAGE, stages
+from monitor.advise.stages import ORDERS, STAGE_RATIO, stages
 from monitor.advise.suggestion import Withheld
-from monitor.assess.reference import held, model_of
+from monitor.assess.reference import with_hold_delay, model_of
 from tests.monitor.advise.tools import PERIOD, asked, given_advice, sluggish
 from tests.support.fits import make_fit
 from tuners.robustness import peak_sensitivity
@@ -44,9 +44,9 @@ def test_large_changes_come_in_stages():
     assert advice.stages[-1] == advice.settings
     for a, b in pairwise(gains):
         assert a is not None
-        assert 1 / (STAGE * 1.01) <= b / a <= STAGE * 1.01
+        assert 1 / (STAGE_RATIO * 1.01) <= b / a <= STAGE_RATIO * 1.01
     for stage in advice.stages:
-        assert peak_sensitivity(held(model_of(make_fit()), PERIOD), stage) <= max(loop.ms_max, advice.ms)
+        assert peak_sensitivity(with_hold_delay(model_of(make_fit()), PERIOD), stage) <= max(loop.ms_max, advice.ms)
 
 
 @settings(max_examples=25)
@@ -59,7 +59,7 @@ def test_every_stage_of_a_rolling_loop_is_stable(product, share):
     advice = asked(loop, fit)
     if isinstance(advice, Withheld):
         return
-    model = held(model_of(fit), PERIOD)
+    model = with_hold_delay(model_of(fit), PERIOD)
     today = float(peak_sensitivity(model, Settings(kp, loop.ti)))
     for stage in advice.stages:
         assert float(peak_sensitivity(model, stage)) <= max(loop.ms_max, today) + 1e-9

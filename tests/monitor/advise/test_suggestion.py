@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor.advise.candidates import FURTHEST
+from monitor.advise.candidates import FURTHEST_RATIO
 from monitor.advise.region import uncertain_models
 from monitor.advise.suggestion import Advice, Withheld, advise, renewed
-from monitor.assess.reference import LOAD, SETPOINT, held, model_of, reference_structure, settings_of
+from monitor.assess.reference import LOAD, SETPOINT, with_hold_delay, model_of, reference_structure, settings_of
 from monitor.contract.loops import CONTROLLERS, OBJECTIVES, Loop
 from monitor.identify.fit import Fit
 from tests.monitor.advise.tools import PERIOD, asked, given_advice, product, sluggish
@@ -128,7 +128,7 @@ def test_numbers_are_what_one_types():
     for name in ("kp", "ti", "td"):
         value = float(getattr(advice.settings, name))
         assert value == float(f"{value:.3g}")
-    again = peak_sensitivity(held(model_of(make_fit()), PERIOD), advice.settings)
+    again = peak_sensitivity(with_hold_delay(model_of(make_fit()), PERIOD), advice.settings)
     assert advice.ms == pytest.approx(float(again), rel=1e-9)
 
 
@@ -170,7 +170,7 @@ def test_a_change_of_more_than_ten_times_is_withheld():
         sluggish(kp=0.005, ti=2000.0), make_fit(gain=0.05, dead_time=1.0, lag=0.0, sd=(0.01, 0.05, 0.05))
     )
     assert isinstance(none, Withheld)
-    assert f"{FURTHEST:g} times" in none.reason
+    assert f"{FURTHEST_RATIO:g} times" in none.reason
 
 
 def test_without_settings_a_pi_is_suggested_in_one_step():
@@ -337,7 +337,7 @@ def test_nothing_that_comes_in_leads_to_harm(
     if loop.kp is not None:
         assert 0.099 < float(new.kp) / loop.kp < 10.1
         with_today = [settings_of(loop), *advice.stages]
-        peaks = [float(peak_sensitivity(held(model_of(fit), 0.1 * unit), s)) for s in with_today]
+        peaks = [float(peak_sensitivity(with_hold_delay(model_of(fit), 0.1 * unit), s)) for s in with_today]
         assert len(advice.stages) == 1 or max(peaks[1:]) <= max(ms_max, peaks[0]) * 1.001
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from monitor.advise.suggestion import Advice, Withheld, advise
-from monitor.assess.reference import held, model_of, settings_of
+from monitor.assess.reference import with_hold_delay, model_of, settings_of
 from monitor.contract.loops import Loop
 from monitor.identify.fit import Fit
 from tests.support.fits import make_fit
@@ -17,7 +17,7 @@ PERIOD = 0.5
 def asked(loop: Loop, fit: Fit | None = None, noise: float = 0.01) -> Advice | Withheld:
     fit = make_fit() if fit is None else fit
     today = settings_of(loop)
-    ms = None if today is None else float(peak_sensitivity(held(model_of(fit), PERIOD), today))
+    ms = None if today is None else float(peak_sensitivity(with_hold_delay(model_of(fit), PERIOD), today))
     return advise(loop, fit, noise, PERIOD, ms)
 
 

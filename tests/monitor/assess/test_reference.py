@@ -15,12 +15,12 @@ from monitor.assess.reference import (
     RULE,
     SETPOINT,
     closed_loop_time,
-    held,
     reduced,
     reference_iae,
     reference_settings,
     reference_structure,
     settings_of,
+    with_hold_delay,
 )
 from monitor.contract.loops import Loop
 from tuners.models import IntegratingModel, SelfRegulatingModel
@@ -169,6 +169,6 @@ def test_a_pi_counts_all_lags_as_dead_time():
 
 def test_a_hold_is_half_a_period_of_dead_time():
     """For scalars and for many models at once."""
-    assert held(IntegratingModel(0.5, 2.0, 3.0), 1.0) == IntegratingModel(0.5, 2.5, 3.0)
-    many = held(SelfRegulatingModel(1.0, np.array([1.0, 2.0]), 3.0), 0.5)
+    assert with_hold_delay(IntegratingModel(0.5, 2.0, 3.0), 1.0) == IntegratingModel(0.5, 2.5, 3.0)
+    many = with_hold_delay(SelfRegulatingModel(1.0, np.array([1.0, 2.0]), 3.0), 0.5)
     np.testing.assert_array_equal(many.dead_time, [1.25, 2.25])

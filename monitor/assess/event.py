@@ -15,13 +15,13 @@ from monitor.contract.records import INCONCLUSIVE, Assessment, event_id
 from monitor.detect.event import LOAD_STEP, ClosedEvent
 from monitor.identify.direct import fit_kinds
 from monitor.identify.fit import Fit, contradictory, decide
-from monitor.identify.indirect import REPRODUCES, indirect_fit, reproduces
-from monitor.identify.outliers import without_wild
-from tuners.models import INTEGRATING, SELF_REGULATING
+from monitor.identify.indirect import LEAST_OP_EXPLAINED, indirect_fit, op_explained
+from monitor.identify.outliers import without_outliers
+from tuners.models import INTEGRATING, SELF_REGULATING, Model
 
 from .evidence import (
-    MANY_UNCERTAIN,
-    NOISY,
+    MANY_UNCERTAIN_SHARE,
+    NOISY_RANGE_SHARE,
     by_integrals,
     coverage,
     evidence_against,
@@ -60,7 +60,7 @@ def assess_event(loop: Loop, event: ClosedEvent) -> Finding:
         The loop's row; its settings are those in force during the event.
     """
     load = event.kind == LOAD_STEP
-    event = without_wild(event)
+    event = without_outliers(event)
     fit, decided = _identify(loop, event)
     against = evidence_against(loop, event, fit, decided)
     # figures of a model that does not explain the event would only mislead
@@ -68,16 +68,7 @@ def assess_event(loop: Loop, event: ClosedEvent) -> Finding:
     ci = None if trusted is None else index(loop, event, trusted)
     model = None if trusted is None else model_of(trusted)
     ms = current_sensitivity(loop, model, event.period)
-    if against:
-        verdict, reason = INCONCLUSIVE, "; ".join(against)
-    else:
-        assert model is not None  # noqa: S101 (what _against makes sure of)
-        over = 0.0 if load else overshoot(event)
-        verdict, reason = judge(loop, model, (None, ci) if load else (ci, None), ms, over)
-        reason = "; ".join(filter(None, [reason, how_it_ended(event)]))
-    if event.uncertain_share > MANY_UNCERTAIN:
-        said = f"{event.uncertain_share:.0%} of its samples are of uncertain quality"
-        reason = "; ".join(filter(None, [reason, said]))
+    verdict, reason = _said(loop, event, model, (ci, ms), against)
     gain_integrals, t0_integrals = by_integrals(event, fit)
     onset, amplitude = event.onset, event.amplitude
     if load:
@@ -115,6 +106,28 @@ def assess_event(loop: Loop, event: ClosedEvent) -> Finding:
     )
 
 
+def _said(
+    loop: Loop,
+    event: ClosedEvent,
+    model: Model | None,
+    figures: tuple[float | None, float | None],
+    against: list[str],
+) -> tuple[str, str]:
+    """Verdict and reason; ``figures`` are CI and Ms, ``against`` is what speaks against the evidence."""
+    ci, ms = figures
+    if against or model is None:
+        verdict, reason = INCONCLUSIVE, "; ".join(against)
+    else:
+        load = event.kind == LOAD_STEP
+        over = 0.0 if load else overshoot(event)
+        verdict, reason = judge(loop, model, (None, ci) if load else (ci, None), ms, over)
+        reason = "; ".join(filter(None, [reason, how_it_ended(event)]))
+    if event.uncertain_share > MANY_UNCERTAIN_SHARE:
+        said = f"{event.uncertain_share:.0%} of its samples are of uncertain quality"
+        reason = "; ".join(filter(None, [reason, said]))
+    return verdict, reason
+
+
 def model_fields(fit: Fit) -> dict[str, float]:
     """Return the model's columns: ``gain, t0, dead_time, lag``, each with ``_lo`` and ``_hi``.
 
@@ -146,10 +159,10 @@ def _identify(loop: Loop, event: ClosedEvent) -> tuple[Fit | None, bool]:
     direct = fit_kinds(window, kinds, load, period)
     best, decided = decide(direct, span)
     settings = settings_of(loop)
-    noisy = best is not None and best.sigma >= NOISY * float(np.ptp(window.pv))
+    noisy = best is not None and best.sigma >= NOISY_RANGE_SHARE * float(np.ptp(window.pv))
     if best is None or load or settings is None or not noisy:
         return best, decided
-    if reproduces(window, settings, period) < REPRODUCES:
+    if op_explained(window, settings, period) < LEAST_OP_EXPLAINED:
         return best, decided
     fits = [indirect_fit(window, period, settings, f) for f in ([best] if decided else direct)]
     better = [f for f in fits if f is not None and is_explained(f, event) and not contradictory([f], best)]

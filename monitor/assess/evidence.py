@@ -13,63 +13,63 @@ from monitor.identify.integrals import setpoint_integrals
 from monitor.identify.uncertainty import correlation_time
 from tuners.models import INTEGRATING, SELF_REGULATING
 
-LEAST_COVERAGE = 0.8
+LEAST_EVENT_COVERAGE = 0.8
 """Share of an event's time that must be covered by good samples."""
-MOST_SATURATION = 0.1
+MOST_SATURATED_SHARE = 0.1
 """Share of an event's time that OP may spend at a limit before its response is not used."""
 LEAST_FIT = 0.95
 """Share of PV's variance that a model must explain before anything rests on it: 3 % of noise costs about 1 %,
 a load step in the middle of the window 10 % and more, and with it the gain is wrong by a factor."""
-LEAST_FIT_IN_NOISE = 0.7
+LEAST_NOISY_FIT = 0.7
 """The same for a small step, where what is left over is no larger than the noise before it."""
-LEAST_LOAD_FIT_IN_NOISE = 0.9
+LEAST_NOISY_LOAD_FIT = 0.9
 """The same for a load step, whose time and size are fitted too: a wandering load has been explained by 85 %."""
-FAR_ABOVE_NOISE = 5.0
+FAR_ABOVE_NOISE_SD = 5.0
 """Standard deviations of PV's noise above which what is left over has a cause of its own: an oscillation, a
 neighbour. Then a model must explain more."""
-LEAST_FIT_AMONG_OTHERS = 0.98
+LEAST_DISTURBED_FIT = 0.98
 """The share of PV's variance that it must explain then: what is left is a seventh of the standard deviation."""
-LIKE_NOISE = 1.3
+LIKE_NOISE_SD = 1.3
 """Residuals up to this many standard deviations of the error when quiet are noise."""
-STANDS_OUT = 6.0
+STANDS_OUT_SD = 6.0
 """Standard deviations of the error when quiet that a step in noise must reach: coloured noise has its own
 shapes."""
-NOISY = 0.015
+NOISY_RANGE_SHARE = 0.015
 """Residuals, as a share of PV's range, from which the direct fit's bias outweighs the mismatch of the indirect one."""
-WIDEST_GAIN = 2.0
+WIDEST_GAIN_RATIO = 2.0
 """Ratio of the ends of the gain's 95 % interval above which no verdict and no suggestion rests on it."""
-INTEGRALS_AGREE = 0.25
+INTEGRALS_AGREE_LN = 0.25
 """Difference in ln gain between fit and integrals that proves nothing: at 3 % of noise it stays below 0.12; a
 disturbance of a quarter of the step brings more, and can bend a fit by a factor of two at a quality of 0.98."""
-MOST_REST_ERROR = 0.3
+MOST_REST_ERROR_LN = 0.3
 """Error in ln gain from which the integrals are no check: under noise they lose to the drift of OP's rest."""
-MANY_UNCERTAIN = 0.2
+MANY_UNCERTAIN_SHARE = 0.2
 """Share of an event's samples of uncertain quality from which that is said beside its figures."""
 LEAST_LOAD_FIT = 0.5
 """Share of PV's variance that a load step must explain to be reported as one, where what is left over is small."""
-LOAD_REST = 0.12
+LOAD_REST_SHARE = 0.12
 """Residuals, as a share of the error's largest excursion, that do not speak against a load step."""
-COARSE = 0.5
+ROUNDING_QUANTA = 0.5
 """Nor do residuals of half a step of a coarse PV, whose rounding they are."""
-LOAD_STANDS_OUT = 9.0
+REPORTED_LOAD_SD = 9.0
 """Standard deviations of the error's short average when quiet that such a load step must reach."""
-LEAST_PERIODS = 4.0
+LEAST_RESPONSE_PERIODS = 4.0
 """Sample periods that the response must last (IAE per unit of step) before its shape is judged."""
-RESOLVED = 3.0
+LEAST_T0_PERIODS = 3.0
 """Sample periods that a self-regulating process's T0 must last (an integrator's slope is seen at any rate)."""
-SWINGS, HALFWAY, REGULAR = 4, 0.7, 0.25
+LEAST_SWINGS, SWING_SHARE, REGULAR_SHARE = 4, 0.7, 0.25
 """Cycles in an event from which it is said that PV swings; times its median size, once PV has arrived, that the error
 must go to either side to be on the other one; and relative spread of the cycles' lengths, up to 0.06 where a sine
 makes them. A wandering load makes 0.08 to 0.75: so nothing is said of the cause."""
-TAIL = 4.0
+TAIL_INTEGRAL_TIMES = 4.0
 """Integral times after which an integral action that works has taken away what was left of the error."""
 
 
 def is_load_step(fit: Fit, event: ClosedEvent) -> bool:
-    """Whether a step of the load explains enough to be reported; a verdict asks for more (`_explained`)."""
+    """Whether a step of the load explains enough to be reported; a verdict asks for more (`is_explained`)."""
     size = abs(event.amplitude)
-    rest = max(LIKE_NOISE * event.error_sd, LOAD_REST * size, COARSE * event.quantum)
-    stands_out = size > LOAD_STANDS_OUT * event.short_sd
+    rest = max(LIKE_NOISE_SD * event.error_sd, LOAD_REST_SHARE * size, ROUNDING_QUANTA * event.quantum)
+    stands_out = size > REPORTED_LOAD_SD * event.short_sd
     return fit.quality >= LEAST_FIT or (fit.quality >= LEAST_LOAD_FIT and fit.sigma <= rest and stands_out)
 
 
@@ -85,12 +85,12 @@ def op_moved(fit: Fit, event: ClosedEvent) -> bool:
 
 def is_explained(fit: Fit, event: ClosedEvent) -> bool:
     """Whether the model leaves nothing but noise: by its share of PV's variance, or by the residuals' size."""
-    small = abs(event.amplitude) < STANDS_OUT * event.error_sd
-    like_noise = fit.sigma <= LIKE_NOISE * event.error_sd
-    others = fit.sigma > FAR_ABOVE_NOISE * event.noise
+    small = abs(event.amplitude) < STANDS_OUT_SD * event.error_sd
+    like_noise = fit.sigma <= LIKE_NOISE_SD * event.error_sd
+    others = fit.sigma > FAR_ABOVE_NOISE_SD * event.noise
     if others:
-        return fit.quality >= LEAST_FIT_AMONG_OTHERS
-    in_noise = LEAST_LOAD_FIT_IN_NOISE if event.kind == LOAD_STEP else LEAST_FIT_IN_NOISE
+        return fit.quality >= LEAST_DISTURBED_FIT
+    in_noise = LEAST_NOISY_LOAD_FIT if event.kind == LOAD_STEP else LEAST_NOISY_FIT
     return fit.quality >= LEAST_FIT or (fit.quality >= in_noise and like_noise and not small)
 
 
@@ -108,42 +108,49 @@ def by_integrals(event: ClosedEvent, fit: Fit | None) -> tuple[float | None, flo
     return (gain, t0) if math.isfinite(gain) else (None, None)
 
 
-def evidence_against(  # noqa: C901 (one if for each reason)
-    loop: Loop, event: ClosedEvent, fit: Fit | None, decided: bool
-) -> list[str]:
+def evidence_against(loop: Loop, event: ClosedEvent, fit: Fit | None, decided: bool) -> list[str]:
     """Say why the evidence cannot carry a verdict; empty where it can."""
+    reasons = _against_samples(loop, event)
+    if fit is None:
+        return [*reasons, "no model: OP or PV did not move, or the event is too short"]
+    return reasons + _against_fit(loop, event, fit, decided)
+
+
+def _against_samples(loop: Loop, event: ClosedEvent) -> list[str]:
+    """Say what is wrong with the event as it was measured."""
     reasons = []
     covered = coverage(event)
-    if covered < LEAST_COVERAGE:
+    if covered < LEAST_EVENT_COVERAGE:
         reasons.append(f"only {covered:.0%} of the event is covered by good samples (at least 80 % needed)")
     limited = event.saturated_time / event.duration if event.duration > 0 else 0.0
-    if limited > MOST_SATURATION:
+    if limited > MOST_SATURATED_SHARE:
         reasons.append(f"OP was at its limit for {limited:.0%} of the event (10 % allowed)")
     size = abs(event.amplitude)
     lasted = (event.iae - event.iae_noise) / size
-    if lasted < LEAST_PERIODS * event.period:
+    if lasted < LEAST_RESPONSE_PERIODS * event.period:
         reasons.append(
             f"sampled too coarsely: the response lasts {lasted:.3g} s, the sample period is {event.period:.3g} s"
         )
     offset = event.offset
     # a slow tail, as of an integral time longer than the event, is no rest
-    time_enough = loop.kp is None or math.isinf(loop.ti) or event.duration > TAIL * loop.ti
+    time_enough = loop.kp is None or math.isinf(loop.ti) or event.duration > TAIL_INTEGRAL_TIMES * loop.ti
     at_rest = event.state == SETTLED and time_enough
     if at_rest and not offset_intended(loop) and abs(offset) > max(0.05 * size, 3.0 * event.error_sd):
-        why = (
-            "no integral action"
-            if loop.kp is not None and math.isinf(loop.ti)
-            else "no integral action, or OP held"
-        )
+        none = loop.kp is not None and math.isinf(loop.ti)
+        why = "no integral action" if none else "no integral action, or OP held"
         reasons.append(f"PV came to rest {offset:+.3g} [PV] away from the set point: {why}")
-    if fit is None:
-        return [*reasons, "no model: OP or PV did not move, or the event is too short"]
+    return reasons
+
+
+def _against_fit(loop: Loop, event: ClosedEvent, fit: Fit, decided: bool) -> list[str]:
+    """Say why no verdict rests on the model."""
+    reasons = []
     if not decided:
         reasons.append("undecided: an integrating and a self-regulating model fit equally well")
     if not is_explained(fit, event):
         why = ", and ".join(filter(None, ["something else moved it", swinging(event)]))
         reasons.append(f"a model explains only {fit.quality:.0%} of PV's movement: {why}")
-    if fit.process == SELF_REGULATING and fit.t0 < RESOLVED * event.period:
+    if fit.process == SELF_REGULATING and fit.t0 < LEAST_T0_PERIODS * event.period:
         reasons.append(
             f"sampled too coarsely: T0 = {fit.t0:.3g} s cannot be seen with a sample period of {event.period:.3g} s"
         )
@@ -152,12 +159,13 @@ def evidence_against(  # noqa: C901 (one if for each reason)
             "the process gain found and the controller gain kp have opposite signs: check the loop table"
         )
     gain, _ = by_integrals(event, fit)
-    if gain is not None and abs(offset) <= 0.05 * size and disagrees(gain, fit, _rest_error(event)):
+    small = abs(event.offset) <= 0.05 * abs(event.amplitude)
+    if gain is not None and small and disagrees(gain, fit, _rest_error(event)):
         reasons.append(
             f"the fit's gain is {fit.gain:.3g}, that of the integrals {gain:.3g}: something else moved PV meanwhile"
         )
     low, high = fit.interval("gain")
-    if abs(high / low if low * high > 0 and abs(high) > abs(low) else low / high) > WIDEST_GAIN:
+    if abs(high / low if low * high > 0 and abs(high) > abs(low) else low / high) > WIDEST_GAIN_RATIO:
         reasons.append(f"the gain is known only to lie in {low:.3g} ... {high:.3g}")
     return reasons
 
@@ -170,13 +178,13 @@ def _rest_error(event: ClosedEvent) -> float:
 
 
 def disagrees(gain: float, fit: Fit, rest_error: float) -> bool:
-    """Whether the integrals' gain contradicts the fit's: by sign, or by more than 4 sigma and `INTEGRALS_AGREE`."""
-    if rest_error > MOST_REST_ERROR:
+    """Whether the integrals' gain contradicts the fit's: by sign, or by more than 4 sigma and `INTEGRALS_AGREE_LN`."""
+    if rest_error > MOST_REST_ERROR_LN:
         return False  # the integrals say nothing here
     if gain * fit.gain < 0:
         return True
     sigma = math.hypot(math.sqrt(float(fit.cov[0, 0])), rest_error)
-    return abs(math.log(gain / fit.gain)) > max(4.0 * sigma, INTEGRALS_AGREE)
+    return abs(math.log(gain / fit.gain)) > max(4.0 * sigma, INTEGRALS_AGREE_LN)
 
 
 def swinging(event: ClosedEvent) -> str | None:
@@ -188,13 +196,13 @@ def swinging(event: ClosedEvent) -> str | None:
     size = float(np.median(np.abs(e))) if len(e) else 0.0
     if size < 2.0 * event.noise or size == 0.0:
         return None
-    side = np.where(np.abs(e) > HALFWAY * size, np.sign(e), 0.0)
+    side = np.where(np.abs(e) > SWING_SHARE * size, np.sign(e), 0.0)
     turns = np.flatnonzero(side)[1:][np.diff(side[side != 0.0]) > 0.0] if np.any(side) else np.array([])
-    if len(turns) < SWINGS:
+    if len(turns) < LEAST_SWINGS:
         return None
     cycles = np.diff(t[arrived:][turns])
     cycle = float(np.mean(cycles))
-    if np.std(cycles) > REGULAR * cycle:
+    if np.std(cycles) > REGULAR_SHARE * cycle:
         return None
     return f"it swings about the set point, about every {cycle:.3g} s"
 

@@ -19,12 +19,12 @@ import numpy as np
 from monitor.detect.event import EventWindow
 from tuners.models import INTEGRATING
 
-from .fit import ALIKE, DECIDES, SIMPLER, Array, Fit, Valley, better_by
+from .fit import ALIKE_DEAD_TIMES, DECIDES_LN, SIMPLER_LN, Array, Fit, Valley, better_by
 from .projection import DEAD, LAG, ONSET, SHARE, evaluate, slopes
 from .response import load_response, response
 from .search import bounds, descend, search, walk
 from .uncertainty import (
-    SECOND_LAG,
+    SECOND_LAG_SHARE,
     correlation_time,
     covariance_by_tangents,
     covariance_of_lost_samples,
@@ -36,7 +36,7 @@ from .uncertainty import (
 )
 from .window import BESIDE, EVERY, SINGLE, SearchWindow, search_window, window_columns
 
-LEAST_NOISE = 1e-10
+LEAST_NOISE_SHARE = 1e-10
 """Least power of the residuals, as a share of PV's: no model is better than that, and no number either."""
 
 
@@ -138,7 +138,7 @@ def _explain(w: SearchWindow, compared: bool, rival: Fit | None) -> _Found | Non
     gain, _, rss = evaluate(w.at, w.since, w.held, w.mean, w.kind, best, rest)
     if not math.isfinite(rss) or not math.isfinite(gain) or gain == 0.0:
         return None
-    rss = max(rss, LEAST_NOISE * float(w.mean @ w.mean))
+    rss = max(rss, LEAST_NOISE_SHARE * float(w.mean @ w.mean))
     n_eff = len(rest) / correlation_time(rest)
     likelihood = -0.5 * n_eff * math.log(rss / len(rest))
     if w.kind % 2 == 0:
@@ -165,8 +165,8 @@ def _explain(w: SearchWindow, compared: bool, rival: Fit | None) -> _Found | Non
 
 def _not_believed(w: SearchWindow, p: Array, better: float) -> bool:
     """Whether `decide` will prefer the integrating model."""
-    alike = p[LAG] > min(2.0 * float(w.t[-1]), ALIKE * float(p[DEAD] + p[LAG] * p[SHARE] / 2))
-    return better <= -SIMPLER or (better < DECIDES and alike)
+    alike = p[LAG] > min(2.0 * float(w.t[-1]), ALIKE_DEAD_TIMES * float(p[DEAD] + p[LAG] * p[SHARE] / 2))
+    return better <= -SIMPLER_LN or (better < DECIDES_LN and alike)
 
 
 def _one_lag(w: SearchWindow, start: Array) -> tuple[Array, float, float, Array, Valley | None]:
@@ -200,7 +200,7 @@ def _two_lags(w: SearchWindow, start: Array, noise: float) -> tuple[Array, float
         best = descend(w.t, w.t, w.u, w.y, w.kind, start, w.free(EVERY), bounds(w.t, w.kind), 0.0, 8, 1e-7)[0]
     cov = covariance_by_tangents(w, start, noise)
     # a prior of one sigma costs as much as one sigma of noise
-    prior = noise / SECOND_LAG**2
+    prior = noise / SECOND_LAG_SHARE**2
     stride = max(0.5 * math.sqrt(cov[3, 3]), 1e-6 * float(w.t[-1] - w.t[0]))
     nodes = walk(w.at, w.since, w.held, w.mean, w.kind, start, stride, prior, 0.5 / noise)
     nodes = nodes[np.argsort(nodes[:, DEAD])]

@@ -14,12 +14,12 @@ Array = NDArray[np.float64]
 
 DIRECT, INDIRECT, JOINT = "direct", "indirect", "joint"
 
-DECIDES = 6.0
+DECIDES_LN = 6.0
 """Difference of log-likelihoods (in effective samples) from which one kind of process is believed: 1 to 400."""
-SIMPLER = 2.0
+SIMPLER_LN = 2.0
 """The same for an integrating one: with a long lag a self-regulating one would explain as much, so the short lag
 that was found for it is less likely yet."""
-ALIKE = 8.0
+ALIKE_DEAD_TIMES = 8.0
 """Lag, in dead times, from which SIMC's integral time is that for an integrating process (Skogestad 2003)."""
 Z95 = 1.96
 
@@ -120,10 +120,10 @@ def decide(fits: list[Fit], span: float) -> tuple[Fit | None, bool]:
     better = better_by(
         regulating.log_likelihood, regulating.n_eff, integrating.log_likelihood, integrating.n_eff
     )
-    if better >= DECIDES and regulating.lag <= 2.0 * span:
+    if better >= DECIDES_LN and regulating.lag <= 2.0 * span:
         return regulating, True
-    alike = regulating.lag > min(2.0 * span, ALIKE * (regulating.dead_time + regulating.lag2 / 2))
-    if better <= -SIMPLER or alike:
+    alike = regulating.lag > min(2.0 * span, ALIKE_DEAD_TIMES * (regulating.dead_time + regulating.lag2 / 2))
+    if better <= -SIMPLER_LN or alike:
         return integrating, True
     return (integrating if better < 0 else regulating), False
 

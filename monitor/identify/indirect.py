@@ -21,13 +21,13 @@ from .fit import INDIRECT, Array, Fit
 from .response import closed_loop
 from .uncertainty import tangent_scatter, with_uncertainty
 
-REPRODUCES = 0.98
+LEAST_OP_EXPLAINED = 0.98
 """Share of OP's variance that the known settings must explain, fed with the measured SP and PV."""
-OFF_GRID = 0.15
+OFF_GRID_PERIODS = 0.15
 """Sample periods by which a point may lie off the regular grid on which a controller is simulated."""
 MOST_SCANS = 50_000
 """Scans above which a window is not simulated."""
-ITERATIONS = 25
+MOST_ITERATIONS = 25
 """Levenberg-Marquardt steps; five to ten do."""
 
 
@@ -51,7 +51,7 @@ class _Case:
     lag2: float
 
 
-def reproduces(window: EventWindow, settings: Settings, period: float) -> float:
+def op_explained(window: EventWindow, settings: Settings, period: float) -> float:
     """Share of OP's variance that these settings explain, fed with the window's SP and PV (at most 1).
 
     The integral's start is not known: a constant is fitted.
@@ -123,7 +123,11 @@ def _case(window: EventWindow, period: float, settings: Settings, start: Fit) ->
         return None
     t, sp, pv = window.time, window.sp, window.pv
     at = np.round(t / period).astype(np.int64)
-    if np.abs(t - at * period).max() > OFF_GRID * period or np.any(np.diff(at) <= 0) or at[-1] > MOST_SCANS:
+    if (
+        np.abs(t - at * period).max() > OFF_GRID_PERIODS * period
+        or np.any(np.diff(at) <= 0)
+        or at[-1] > MOST_SCANS
+    ):
         return None
     sp0 = float(np.median(sp[: max(window.before, 1)]))
     place = np.searchsorted(at, np.arange(int(at[-1]) + 1), side="right") - 1
@@ -163,7 +167,7 @@ def _levenberg_marquardt(case: _Case, p: Array) -> tuple[Array, Array]:
     """Least squares in (ln gain, lag, dead time), times at 0 or above: optimum and residual."""
     residual = _residual(case, p)
     cost, damping = float(residual @ residual), 1e-3
-    for _ in range(ITERATIONS):
+    for _ in range(MOST_ITERATIONS):
         # short secants: one that reaches into the unstable region says nothing of the slope here
         j = _jacobian(case, p, residual, 0.002)
         if not (math.isfinite(cost) and np.isfinite(j).all()):

@@ -16,9 +16,9 @@ from .projection import DEAD, LAG, ONSET, SHARE, evaluate, project
 
 MOST_SHARE = 0.99
 """Of the second lag in the first; partial fractions need two different lags."""
-NODES = 6
+DEAD_TIME_NODES = 6
 """Dead times, from that of the best single lag down to nothing, from which the best model is looked for."""
-STEPS = 30
+MOST_DESCENT_STEPS = 30
 """Most steps of a descent (Levenberg-Marquardt)."""
 
 
@@ -194,15 +194,15 @@ def search(at, t, u, py, kind, second):
             if rss < least:
                 single_lag, least = p.copy(), rss
     p, best, top = single_lag.copy(), single_lag.copy(), single_lag[DEAD]
-    for k in range(NODES if second else 0):
-        dead_time = top * (1.0 - k / (NODES - 1))
+    for k in range(DEAD_TIME_NODES if second else 0):
+        dead_time = top * (1.0 - k / (DEAD_TIME_NODES - 1))
         p, _, _, rss, _ = descend(
             at, t, u, py, kind, moved(p, dead_time, kind, high, at[0]), beside, high, 0.0, 10, 1e-3
         )
         if rss < least:
             best, least = p.copy(), rss
     if second:
-        best = descend(at, t, u, py, kind, best, every, high, 0.0, STEPS, 1e-7)[0]
+        best = descend(at, t, u, py, kind, best, every, high, 0.0, MOST_DESCENT_STEPS, 1e-7)[0]
     return best, single_lag
 
 

@@ -10,21 +10,21 @@ from .fit import DIRECT, Z95, Array, Fit
 from .projection import DEAD, LAG, SHARE, evaluate, of_pulses, slopes
 from .window import SearchWindow
 
-FLOOR_LN_GAIN = 0.01
+LN_GAIN_FLOOR_SD = 0.01
 """One sigma of model mismatch in ln gain: a half-rule model of a fourth-order plant is 1 % off without noise."""
-FLOOR_INDIRECT = 0.02
+INDIRECT_LN_GAIN_FLOOR_SD = 0.02
 """The same for the indirect fit: a wrong order goes round the simulated loop too."""
-FLOOR_TIME = 0.04
+TIME_FLOOR_SHARE = 0.04
 """One sigma of model mismatch in lag and in dead time, as a share of the dead time (or of T0, if larger share)."""
-STAMP = 0.1
+STAMP_PERIODS = 0.1
 """One sigma of dead time and lag in sample periods, where the dead time is resolved."""
-UNRESOLVED = 1.0
+UNRESOLVED_PERIODS = 1.0
 """The same for a dead time of nothing: which of two scans a historian's stamp belongs to is not in the data."""
-RESOLVED = 3.0
+RESOLVED_PERIODS = 3.0
 """Sample periods from which a dead time counts as resolved; in between, the floor falls linearly."""
-SECOND_LAG = 0.3
+SECOND_LAG_SHARE = 0.3
 """One sigma of a second lag as a share of the first: a process whose lags are alike is rare."""
-LOST = 0.3
+LOST_PERIODS = 0.3
 """Sample periods by which a step of time is longer than usual where a sample is missing."""
 
 
@@ -50,8 +50,10 @@ def with_uncertainty(
     variance = max(rss / max(len(t) - 6, 1), 1e-24 * spread)
     t0 = lag + lag2 + dead_time
     step = float(np.median(np.diff(t))) if period is None else period
-    stamp = STAMP + (UNRESOLVED - STAMP) * max(1.0 - dead_time / (RESOLVED * step), 0.0)
-    time_floor = (FLOOR_TIME * max(dead_time, 0.1 * t0)) ** 2 + (stamp * step) ** 2
+    stamp = STAMP_PERIODS + (UNRESOLVED_PERIODS - STAMP_PERIODS) * max(
+        1.0 - dead_time / (RESOLVED_PERIODS * step), 0.0
+    )
+    time_floor = (TIME_FLOOR_SHARE * max(dead_time, 0.1 * t0)) ** 2 + (stamp * step) ** 2
     return Fit(
         process=process,
         gain=gain,
@@ -60,7 +62,11 @@ def with_uncertainty(
         lag2=lag2,
         scatter=scatter,
         floor=np.array(
-            [(FLOOR_LN_GAIN if method == DIRECT else FLOOR_INDIRECT) ** 2, time_floor, time_floor]
+            [
+                (LN_GAIN_FLOOR_SD if method == DIRECT else INDIRECT_LN_GAIN_FLOOR_SD) ** 2,
+                time_floor,
+                time_floor,
+            ]
         ),
         quality=1.0 - rss / spread,
         log_likelihood=-0.5 * n_eff * math.log(max(rss / len(t), 1e-24 * spread)),
@@ -80,7 +86,7 @@ def covariance_of_lost_samples(w: SearchWindow, p: Array, gain: float, load: flo
     usual = float(np.median(step))
     # what is longer yet is the coarse past of a load step, in points of mean values
     gaps = np.flatnonzero(
-        (step > usual + LOST * (usual if w.period is None else w.period)) & (step < 3.6 * usual)
+        (step > usual + LOST_PERIODS * (usual if w.period is None else w.period)) & (step < 3.6 * usual)
     )
     if len(gaps) == 0:
         return np.zeros((3, 3))
@@ -99,7 +105,7 @@ def covariance_by_tangents(w: SearchWindow, p: Array, noise: float) -> Array:
     tangents = slopes(w.at, w.since, w.held, w.kind, p, gain, load)
     # parts of T0: where the data cannot tell them apart, none exceeds it by much
     t0 = float(p[DEAD] + p[LAG] * (1.0 + p[SHARE])) + float(w.t[-1] - w.t[0]) / len(w.t)
-    usual = np.array([10.0, t0, SECOND_LAG * t0, t0, 3.0 * t0, 3.0])[: tangents.shape[1]]
+    usual = np.array([10.0, t0, SECOND_LAG_SHARE * t0, t0, 3.0 * t0, 3.0])[: tangents.shape[1]]
     scaled = tangents * usual
     inverse = np.linalg.inv(scaled.T @ scaled / noise + np.eye(len(usual)))
     return np.asarray(inverse * np.outer(usual, usual))

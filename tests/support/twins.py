@@ -67,3 +67,17 @@ def noise_through(kp: float, td: float, tf: float, period: float, noise: Array) 
         last = float(v)
         out.append(kp * (v + td * d))
     return float(np.std(out))
+
+
+def load_integrals(
+    s1: float, s2: float, s3: float, y1: float, y2: float, u_end: float
+) -> tuple[float, float, float, float]:
+    """Size [OP], age of the onset [s before the end], gain and T0 from a load step's integrals (derived).
+
+    ``Ad = -u(inf)``, ``L = -S1/Ad``, ``mu = Y1/(S2 + Ad L^2/2)``, ``T0 = (mu (S3 + Ad L^3/6) - Y2)/Y1``.
+    Under noise size and onset stay good, T0 does not.
+    """
+    size = -u_end
+    age = -s1 / size
+    gain = y1 / (s2 + size * age**2 / 2)
+    return size, age, gain, (gain * (s3 + size * age**3 / 6) - y2) / y1

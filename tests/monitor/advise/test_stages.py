@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from monitor.advise.region import uncertain_models, worst_peaks
 from monitor.advise.stages import ORDERS, STAGE_RATIO, stages
 from monitor.advise.suggestion import Withheld
-from monitor.assess.reference import with_hold_delay, model_of
+from monitor.assess.reference import model_of, with_hold_delay
 from tests.monitor.advise.tools import PERIOD, asked, given_advice, sluggish
 from tests.support.fits import make_fit
 from tuners.robustness import peak_sensitivity
@@ -46,7 +46,9 @@ def test_large_changes_come_in_stages():
         assert a is not None
         assert 1 / (STAGE_RATIO * 1.01) <= b / a <= STAGE_RATIO * 1.01
     for stage in advice.stages:
-        assert peak_sensitivity(with_hold_delay(model_of(make_fit()), PERIOD), stage) <= max(loop.ms_max, advice.ms)
+        assert peak_sensitivity(with_hold_delay(model_of(make_fit()), PERIOD), stage) <= max(
+            loop.ms_max, advice.ms
+        )
 
 
 @settings(max_examples=25)

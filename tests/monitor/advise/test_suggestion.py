@@ -14,7 +14,14 @@ from hypothesis import strategies as st
 from monitor.advise.candidates import FURTHEST_RATIO
 from monitor.advise.region import uncertain_models
 from monitor.advise.suggestion import Advice, Withheld, advise, renewed
-from monitor.assess.reference import LOAD, SETPOINT, with_hold_delay, model_of, reference_structure, settings_of
+from monitor.assess.reference import (
+    LOAD,
+    SETPOINT,
+    model_of,
+    reference_structure,
+    settings_of,
+    with_hold_delay,
+)
 from monitor.contract.loops import CONTROLLERS, OBJECTIVES, Loop
 from monitor.identify.fit import Fit
 from tests.monitor.advise.tools import PERIOD, asked, given_advice, product, sluggish

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from monitor.advise.suggestion import Advice, Withheld, advise
-from monitor.assess.reference import with_hold_delay, model_of, settings_of
+from monitor.assess.reference import model_of, settings_of, with_hold_delay
 from monitor.contract.loops import Loop
 from monitor.identify.fit import Fit
 from tests.support.fits import make_fit

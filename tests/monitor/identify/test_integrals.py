@@ -11,14 +11,14 @@ import pytest
 from monitor.contract.loops import Loop
 from monitor.detect.detector import Detector
 from monitor.detect.event import ClosedEvent
-from monitor.identify.integrals import load_integrals, setpoint_integrals
+from monitor.identify.integrals import setpoint_integrals
 from sim_plants.loops import Simulation
 from sim_plants.scenarios import reference_loops
 from sim_plants.specs import NEVER, Steps
 from tests.monitor.detect.tools import REFERENCE
 from tests.support.detection import events_of
 from tests.support.plants import samples_of
-from tests.support.twins import integrals
+from tests.support.twins import integrals, load_integrals
 
 FINE = 0.01
 """[s] Backward differences err by about a period over the filter time."""

@@ -22,7 +22,7 @@ from tuners.models import INTEGRATING
 from .fit import ALIKE_DEAD_TIMES, DECIDES_LN, SIMPLER_LN, Array, Fit, Valley, better_by
 from .projection import DEAD, LAG, ONSET, SHARE, evaluate, slopes
 from .response import load_response, response
-from .search import bounds, descend, search, walk
+from .search import descend, search, walk
 from .uncertainty import (
     SECOND_LAG_SHARE,
     correlation_time,
@@ -34,8 +34,10 @@ from .uncertainty import (
     tangent_scatter,
     with_uncertainty,
 )
-from .window import BESIDE, EVERY, SINGLE, SearchWindow, search_window, window_columns
+from .window import BESIDE, EVERY, SINGLE, SearchWindow, op_from_rest, search_window
 
+LEAST_POINTS = 12
+"""Points without which a window tells nothing."""
 LEAST_NOISE_SHARE = 1e-10
 """Least power of the residuals, as a share of PV's: no model is better than that, and no number either."""
 
@@ -82,19 +84,15 @@ def fit_window(
     Fit or None
         None where OP or PV did not move, or the window is too short to tell (fewer than 12 points).
     """
-    n = len(window)
-    if n < 12:
+    if len(window) < LEAST_POINTS:
         return None
-    t, u, y = window_columns(window, load)
-    if not np.any(u) or np.ptp(y) == 0:
-        return None
-    kind = (0 if process == INTEGRATING else 1) + (2 if load else 0)
-    found = _explain(search_window(t, u, y, kind, period), compared, rival)
+    w = search_window(window, process, load, period)
+    found = _explain(w, compared, rival) if w.moved else None
     if found is None:
         return None
     p = found.p
     model = (found.gain, float(p[LAG]), float(p[DEAD]), float(p[LAG] * p[SHARE]))
-    fit = with_uncertainty(process, model, t, y, found.residual, found.scatter, period)
+    fit = with_uncertainty(process, model, window.time, w.pv, found.residual, found.scatter, period)
     fit = replace(fit, log_likelihood=found.log_likelihood, n_eff=found.n_eff, valley=found.valley)
     return replace(fit, size=found.load / found.gain, onset=float(p[ONSET])) if load else fit
 
@@ -102,18 +100,18 @@ def fit_window(
 def model_response(window: EventWindow, fit: Fit) -> Array:
     """PV as the model gives it from the window's OP, offset (and slope, if integrating) fitted; (n,) [PV]."""
     load = fit.size is not None and fit.onset is not None
-    t, u, y = window_columns(window, load)
+    t, u = window.time, op_from_rest(window, load)
     kind = 0 if fit.process == INTEGRATING else 1
     x = fit.gain * response(t, u, kind, fit.dead_time, fit.lag, fit.lag2)
     if fit.size is not None and fit.onset is not None:
         x = x + fit.size * load_response(t - fit.onset, kind, fit.gain, fit.dead_time, fit.lag, fit.lag2)
-    rest = np.polynomial.polynomial.polyfit(t, y - x, 1 if kind == 0 else 0)
+    rest = np.polynomial.polynomial.polyfit(t, window.pv - x, 1 if kind == 0 else 0)
     return np.asarray(x + np.polynomial.polynomial.polyval(t, rest), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Found:
-    """A model in the parameters of `fitting`, and how far others reach that explain the window as well."""
+    """A model in the parameters of `search`, and how far others reach that explain the window as well."""
 
     p: Array
     gain: float
@@ -133,12 +131,12 @@ class _Found:
 def _explain(w: SearchWindow, compared: bool, rival: Fit | None) -> _Found | None:
     """Find the model of a window and its reach; None where OP explains nothing of PV."""
     second = compared or w.kind % 2 == 1
-    best, single = search(w.at, w.since, w.held, w.mean, w.kind, second)
-    rest = np.empty(len(w.at))
-    gain, _, rss = evaluate(w.at, w.since, w.held, w.mean, w.kind, best, rest)
+    best, single = search(w.blocks, second)
+    rest = np.empty(len(w.blocks.at))
+    gain, _, rss = evaluate(w.blocks, best, rest)
     if not math.isfinite(rss) or not math.isfinite(gain) or gain == 0.0:
         return None
-    rss = max(rss, LEAST_NOISE_SHARE * float(w.mean @ w.mean))
+    rss = max(rss, LEAST_NOISE_SHARE * float(w.blocks.pv @ w.blocks.pv))
     n_eff = len(rest) / correlation_time(rest)
     likelihood = -0.5 * n_eff * math.log(rss / len(rest))
     if w.kind % 2 == 0:
@@ -150,8 +148,8 @@ def _explain(w: SearchWindow, compared: bool, rival: Fit | None) -> _Found | Non
     else:
         found = _two_lags(w, best, rss / n_eff)
     p, gain, load, scatter, valley = found
-    residual = np.empty(len(w.t))
-    evaluate(w.t, w.t, w.u, w.y, w.kind, p, residual)
+    residual = np.empty(len(w.points.at))
+    evaluate(w.points, p, residual)
     if gain == 0.0 or not (math.isfinite(gain) and np.isfinite(residual).all()):
         return None
     lost = covariance_of_lost_samples(w, p, gain, load)
@@ -165,7 +163,9 @@ def _explain(w: SearchWindow, compared: bool, rival: Fit | None) -> _Found | Non
 
 def _not_believed(w: SearchWindow, p: Array, better: float) -> bool:
     """Whether `decide` will prefer the integrating model."""
-    alike = p[LAG] > min(2.0 * float(w.t[-1]), ALIKE_DEAD_TIMES * float(p[DEAD] + p[LAG] * p[SHARE] / 2))
+    alike = p[LAG] > min(
+        2.0 * float(w.points.at[-1]), ALIKE_DEAD_TIMES * float(p[DEAD] + p[LAG] * p[SHARE] / 2)
+    )
     return better <= -SIMPLER_LN or (better < DECIDES_LN and alike)
 
 
@@ -176,16 +176,14 @@ def _one_lag(w: SearchWindow, start: Array) -> tuple[Array, float, float, Array,
         starts.append(
             np.array([0.75, 0.25, 0.0, 0.0]) * (start[LAG] + start[DEAD]) + np.array([0, 0, *start[2:]])
         )
-    tried = [
-        descend(w.t, w.t, w.u, w.y, w.kind, s, w.free(SINGLE), bounds(w.t, w.kind), 0.0, 20, 1e-7)
-        for s in starts
-    ]
+    tried = [descend(w.points, s, w.free(SINGLE), 0.0, 20, 1e-7) for s in starts]
     p, gain, load, _, _ = min(tried, key=lambda found: found[3])
-    residual = np.empty(len(w.t))
-    evaluate(w.t, w.t, w.u, w.y, w.kind, p, residual)
-    tangents = slopes(w.t, w.t, w.u, w.kind, p, gain, load)
+    residual = np.empty(len(w.points.at))
+    evaluate(w.points, p, residual)
+    tangents = slopes(w.points, p, gain, load)
     columns = [0, 1, 3, 4, 5] if w.kind >= 2 else [0, 1, 3]
-    step = float(w.t[-1] - w.t[0]) / len(w.t)
+    t = w.points.at
+    step = float(t[-1] - t[0]) / len(t)
     scatter = tangent_scatter(residual, tangents[:, columns], float(p[DEAD] + p[LAG]), step)
     return p, gain, load, scatter, None
 
@@ -196,22 +194,20 @@ def _two_lags(w: SearchWindow, start: Array, noise: float) -> tuple[Array, float
     ``start`` is the best model of the blocks, ``noise`` the power of an independent one of their residuals [PV^2].
     """
     best = start
-    if len(w.t) > len(w.at):
-        best = descend(w.t, w.t, w.u, w.y, w.kind, start, w.free(EVERY), bounds(w.t, w.kind), 0.0, 8, 1e-7)[0]
+    t = w.points.at
+    if len(t) > len(w.blocks.at):
+        best = descend(w.points, start, w.free(EVERY), 0.0, 8, 1e-7)[0]
     cov = covariance_by_tangents(w, start, noise)
     # a prior of one sigma costs as much as one sigma of noise
     prior = noise / SECOND_LAG_SHARE**2
-    stride = max(0.5 * math.sqrt(cov[3, 3]), 1e-6 * float(w.t[-1] - w.t[0]))
-    nodes = walk(w.at, w.since, w.held, w.mean, w.kind, start, stride, prior, 0.5 / noise)
+    stride = max(0.5 * math.sqrt(cov[3, 3]), 1e-6 * float(t[-1] - t[0]))
+    nodes = walk(w.blocks, start, stride, prior, 0.5 / noise)
     nodes = nodes[np.argsort(nodes[:, DEAD])]
     weight = node_weights(nodes[:, DEAD], nodes[:, -1])
     middle = max(float(weight @ nodes[:, DEAD] + best[DEAD] - start[DEAD]), 0.0)
     near = nodes[np.argmin(np.abs(nodes[:, DEAD] - middle)), :4].copy()
     near[DEAD] = middle
-    p, gain, load, _, _ = descend(
-        w.t, w.t, w.u, w.y, w.kind, near, w.free(BESIDE), bounds(w.t, w.kind), prior * len(w.t) / len(w.at),
-        10, 1e-5,
-    )  # fmt: skip
+    p, gain, load, _, _ = descend(w.points, near, w.free(BESIDE), prior * len(t) / len(w.blocks.at), 10, 1e-5)
     away = half_rule(nodes, nodes[:, 4]) - half_rule(p[None], np.array([gain]))
     # what is uncertain at each dead time, and how the dead times differ
     others = [k for k in range(len(cov)) if k != 3]

@@ -2,16 +2,38 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from monitor.compiled import jit
 
+from .fit import Array
 from .response import load_response, response_at
 
 DEAD, LAG, SHARE, ONSET = range(4)
 """Places of the parameters."""
+MOST_SHARE = 0.99
+"""Of the second lag in the first; partial fractions need two different lags."""
 MOST_POINTS = 500
 """Points above which a window is searched in blocks of mean values: long blocks look like a lag."""
+
+
+class Columns(NamedTuple):
+    """A window as the compiled functions see it: every point of it, or means over blocks."""
+
+    at: Array
+    """(m,) times of PV [s]."""
+    since: Array
+    """(k,) times from which OP is held [s]; the same as ``at`` where these are all points."""
+    held: Array
+    """(k,) OP from rest [OP]."""
+    pv: Array
+    """(m,) PV, mean (and, integrating, slope) taken out [PV]."""
+    kind: int
+    """0 for an integrating, 1 for a self-regulating process under a set-point step; 2 and 3 under a load step."""
+    high: Array
+    """(4,) upper bounds of the parameters."""
 
 
 @jit
@@ -32,22 +54,21 @@ def project(x, t, kind):
 
 
 @jit
-def columns(at, t, u, kind, p):
+def unit_responses(w, p):
     """Return what OP and what a load step of one unit do to PV, gain 1, projected; the latter empty without one."""
     lag2 = p[SHARE] * p[LAG]
-    x = project(response_at(at, t, u, kind % 2, p[DEAD], p[LAG], lag2), at, kind)
-    if kind < 2:
+    kind = w.kind % 2
+    x = project(response_at(w.at, w.since, w.held, kind, p[DEAD], p[LAG], lag2), w.at, w.kind)
+    if w.kind < 2:
         return x, np.zeros(0)
-    return x, project(load_response(at - p[ONSET], kind % 2, 1.0, p[DEAD], p[LAG], lag2), at, kind)
+    return x, project(load_response(w.at - p[ONSET], kind, 1.0, p[DEAD], p[LAG], lag2), w.at, w.kind)
 
 
 @jit
-def evaluate(at, t, u, py, kind, p, r):
-    """Best gain, gain times load size, and residual sum of squares; the residuals go to ``r``.
-
-    ``py`` is PV, projected.
-    """
-    x, g = columns(at, t, u, kind, p)
+def evaluate(w, p, r):
+    """Best gain, gain times load size, and residual sum of squares; the residuals go to ``r``."""
+    py = w.pv
+    x, g = unit_responses(w, p)
     xx = xg = gg = xy = gy = 0.0
     for i in range(len(x)):
         xx += x[i] * x[i]
@@ -57,7 +78,7 @@ def evaluate(at, t, u, py, kind, p, r):
         gg += g[i] * g[i]
         gy += g[i] * py[i]
     gain, load = xy / xx, 0.0
-    if kind >= 2:
+    if w.kind >= 2:
         det = xx * gg - xg * xg
         if det <= 1e-14 * xx * gg:
             return 0.0, 0.0, np.inf
@@ -67,7 +88,7 @@ def evaluate(at, t, u, py, kind, p, r):
     rss = 0.0
     for i in range(len(x)):
         r[i] = py[i] - gain * x[i]
-        if kind >= 2:
+        if w.kind >= 2:
             r[i] -= load * g[i]
         rss += r[i] * r[i]
     return gain, load, rss
@@ -96,14 +117,15 @@ def blocks(t, u, y, most):
 
 
 @jit
-def slopes(at, t, u, kind, p, gain, load):
+def slopes(w, p, gain, load):
     """PV's change per unit of ln gain, lag, second lag, dead time [s], and for a load its onset [s] and ln size.
 
     Secants of 5 % of T0: at lags of zero the tangents of lags and dead time coincide. All is projected.
     """
     lags = np.array([p[LAG], p[SHARE] * p[LAG], p[DEAD], p[ONSET]])
+    at = w.at
     step = 0.05 * (lags[0] + lags[1] + lags[2]) + 0.05 * (at[-1] - at[0]) / len(at)
-    m = 6 if kind >= 2 else 4
+    m = 6 if w.kind >= 2 else 4
     out = np.zeros((len(at), m))
     for k in range(1, min(m, 5)):
         ahead, behind = lags.copy(), lags.copy()
@@ -113,12 +135,12 @@ def slopes(at, t, u, kind, p, gain, load):
             behind[k - 1] = max(behind[k - 1], 0.0)
         for side, v in ((1.0, ahead), (-1.0, behind)):
             share = min(v[0], v[1]) / max(v[0], v[1]) if v[0] + v[1] > 0.0 else 0.0
-            x, g = columns(at, t, u, kind, np.array([v[2], max(v[0], v[1]), share, v[3]]))
+            x, g = unit_responses(w, np.array([v[2], max(v[0], v[1]), share, v[3]]))
             for i in range(len(at)):
                 out[i, k] += side * gain * x[i] / (ahead[k - 1] - behind[k - 1])
                 if m == 6:
                     out[i, k] += side * load * g[i] / (ahead[k - 1] - behind[k - 1])
-    x, g = columns(at, t, u, kind, p)
+    x, g = unit_responses(w, p)
     for i in range(len(at)):
         out[i, 0] = gain * x[i]
         if m == 6:
@@ -128,15 +150,16 @@ def slopes(at, t, u, kind, p, gain, load):
 
 
 @jit
-def of_pulses(at, kind, gain, p, first, end, area, inverse):
+def of_pulses(w, gain, p, first, end, area, inverse):
     """Return what pulses of OP between these times, of these areas [OP s], do to parameters: (parameters, pulses).
 
     ``inverse`` (parameters, n) is the pseudo-inverse of PV's change per unit of each.
     """
+    at = w.at
     out = np.zeros((len(inverse), len(first)))
     for k in range(len(first)):
-        on = load_response(at - first[k], kind % 2, gain, p[DEAD], p[LAG], p[SHARE] * p[LAG])
-        off = load_response(at - end[k], kind % 2, gain, p[DEAD], p[LAG], p[SHARE] * p[LAG])
+        on = load_response(at - first[k], w.kind % 2, gain, p[DEAD], p[LAG], p[SHARE] * p[LAG])
+        off = load_response(at - end[k], w.kind % 2, gain, p[DEAD], p[LAG], p[SHARE] * p[LAG])
         for i in range(len(at)):
             moved = (on[i] - off[i]) * area[k] / (end[k] - first[k])
             for j in range(len(inverse)):

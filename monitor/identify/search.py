@@ -1,7 +1,6 @@
 """The compiled part of a fit: the search for a model's parameters.
 
-``kind`` is 0 for an integrating, 1 for a self-regulating process under a set-point step, and 2 and 3 for the
-same under a load step. A model's parameters are ``p = (dead time [s], lag [s], second lag as a share of the
+``w`` is a window's `Columns`. A model's parameters are ``p = (dead time [s], lag [s], second lag as a share of the
 first, time of the load step [s])``; gain, load size and rest follow linearly (variable projection, Golub &
 Pereyra 1973). Types are inferred by numba.
 """
@@ -12,10 +11,8 @@ import numpy as np
 
 from monitor.compiled import jit
 
-from .projection import DEAD, LAG, ONSET, SHARE, evaluate, project
+from .projection import DEAD, LAG, MOST_SHARE, ONSET, SHARE, Columns, evaluate, project
 
-MOST_SHARE = 0.99
-"""Of the second lag in the first; partial fractions need two different lags."""
 DEAD_TIME_NODES = 6
 """Dead times, from that of the best single lag down to nothing, from which the best model is looked for."""
 MOST_DESCENT_STEPS = 30
@@ -48,12 +45,13 @@ def _solve(a, b, n):
 
 
 @jit
-def _normal(at, t, u, py, kind, p, r, free, high, weight, a, b, which):
+def _normal(w, p, r, free, weight, a, b, which):
     """Fill the normal equations of the parameters that are free and not held by a bound; return their number.
 
     ``weight`` is that of the prior on the second lag's share, in units of the residual sum of squares.
     """
     n, k = len(r), len(free)
+    at, high = w.at, w.high
     jacobian, trial, q = np.empty((k, n)), np.empty(n), p.copy()
     scale = p[DEAD] + p[LAG] * (1.0 + p[SHARE]) + (at[-1] - at[0]) / n
     m = 0
@@ -63,7 +61,7 @@ def _normal(at, t, u, py, kind, p, r, free, high, weight, a, b, which):
         if p[f] + h > high[f]:
             h = -h
         q[f] = p[f] + h
-        evaluate(at, t, u, py, kind, q, trial)
+        evaluate(w, q, trial)
         q[f] = p[f]
         slope = 0.0
         for i in range(n):
@@ -87,19 +85,20 @@ def _normal(at, t, u, py, kind, p, r, free, high, weight, a, b, which):
 
 
 @jit
-def descend(at, t, u, py, kind, start, free, high, weight, steps, close):
-    """Levenberg-Marquardt within bounds over the free parameters: (p, gain, gain times load size, rss, cost).
+def descend(w, start, free, weight, steps, close):
+    """Levenberg-Marquardt within `Columns.high` over the free parameters: (p, gain, gain times load size, rss, cost).
 
     ``cost`` is the residual sum of squares plus the prior's share of it. Ends when a step gains less than
     ``close`` of the cost.
     """
+    at, high = w.at, w.high
     p, r, trial = start.copy(), np.empty(len(at)), np.empty(len(at))
-    gain, load, rss = evaluate(at, t, u, py, kind, p, r)
+    gain, load, rss = evaluate(w, p, r)
     cost = rss + weight * p[SHARE] ** 2
     a, b, which = np.zeros((4, 4)), np.zeros(4), np.zeros(4, dtype=np.int64)
     damping = 1e-3
     for _ in range(steps):
-        m = _normal(at, t, u, py, kind, p, r, free, high, weight, a, b, which)
+        m = _normal(w, p, r, free, weight, a, b, which)
         gained = 0.0
         for _ in range(8 if m > 0 else 0):
             aa, x = a.copy(), b.copy()
@@ -114,7 +113,7 @@ def descend(at, t, u, py, kind, start, free, high, weight, steps, close):
                 # towards no lag by degrees: from there all slopes towards a lag are 0, and no way leads out
                 low = at[0] if f == ONSET else 0.3 * p[f] if f == LAG else 0.0
                 q[f] = min(max(p[f] + x[c], low), high[f])
-            found = evaluate(at, t, u, py, kind, q, trial)
+            found = evaluate(w, q, trial)
             value = found[2] + weight * q[SHARE] ** 2
             if value < cost:
                 gained = cost - value
@@ -129,85 +128,77 @@ def descend(at, t, u, py, kind, start, free, high, weight, steps, close):
 
 
 @jit
-def bounds(t, kind):
-    """Upper bounds of the parameters: an integrating process shows its lags in half a window, or never."""
-    longest = t[-1] if kind % 2 else 0.5 * t[-1]
-    return np.array([longest, 20.0 * longest, MOST_SHARE, 0.0])
-
-
-@jit
-def _coarse(at, t, u, py, kind):
+def _coarse(w):
     """Best parameters of a model with one lag on a coarse grid."""
+    at, high = w.at, w.high
     r = np.empty(len(at))
     step = (at[-1] - at[0]) / len(at)
-    high = bounds(t, kind)
-    many, onsets = (6, 6) if kind >= 2 else (10, 1)
+    many, onsets = (6, 6) if w.kind >= 2 else (10, 1)
     best, least = np.array([0.0, step, 0.0, 0.0]), np.inf
     p = best.copy()
     for a in range(many):
-        p[DEAD] = 0.0 if a == 0 else step * (0.5 * t[-1] / step) ** ((a - 1) / (many - 1))
+        p[DEAD] = 0.0 if a == 0 else step * (0.5 * w.since[-1] / step) ** ((a - 1) / (many - 1))
         for b in range(many):
             p[LAG] = 0.0 if b == 0 else step * (high[DEAD] / step) ** ((b - 1) / (many - 1))
             for c in range(onsets):
-                if kind >= 2:  # far back and, ever more closely, shortly before it was noticed
+                if w.kind >= 2:  # far back and, ever more closely, shortly before it was noticed
                     p[ONSET] = -2.0 * step * (-at[0] / (2.0 * step)) ** (c / (onsets - 1))
-                rss = evaluate(at, t, u, py, kind, p, r)[2]
+                rss = evaluate(w, p, r)[2]
                 if rss < least:
                     best, least = p.copy(), rss
     return best
 
 
 @jit
-def moved(p, dead_time, kind, high, first):
+def moved(w, p, dead_time):
     """Where to look for the best model at another dead time: what it loses, onset and second lag take up."""
     q = p.copy()
     less = p[DEAD] - dead_time
     q[DEAD] = dead_time
-    if kind >= 2:
-        q[ONSET] = min(max(p[ONSET] + 0.9 * less, first), 0.0)
-    q[SHARE] = min(max(p[SHARE] + 0.7 * less / max(p[LAG], 1e-9 * high[LAG]), 0.005), MOST_SHARE - 0.01)
+    if w.kind >= 2:
+        q[ONSET] = min(max(p[ONSET] + 0.9 * less, w.at[0]), 0.0)
+    q[SHARE] = min(max(p[SHARE] + 0.7 * less / max(p[LAG], 1e-9 * w.high[LAG]), 0.005), MOST_SHARE - 0.01)
     return q
 
 
 @jit
-def search(at, t, u, py, kind, second):
+def search(w, second):
     """Best parameters of a window with two lags (``second``; else with one), and with one lag.
 
     A coarse grid, the best single lag, then down the valley of ever less dead time: dead time, second lag and
     onset share what the data say; the valley is long, narrow and bent, and has false ends.
     """
-    high = bounds(t, kind)
-    with_onset = kind >= 2
+    at = w.at
+    with_onset = w.kind >= 2
     single = np.array([DEAD, LAG, ONSET]) if with_onset else np.array([DEAD, LAG])
     beside = np.array([LAG, SHARE, ONSET]) if with_onset else np.array([LAG, SHARE])
     every = np.array([DEAD, LAG, SHARE, ONSET]) if with_onset else np.array([DEAD, LAG, SHARE])
     thin = max(len(at) // 100, 1)
     few = at[::thin].copy()
-    p = _coarse(few, t, u, project(py[::thin].copy(), few, kind), kind)
-    p, _, _, least, _ = descend(at, t, u, py, kind, p, single, high, 0.0, 20, 1e-5)
+    pv = project(w.pv[::thin].copy(), few, w.kind)
+    p = _coarse(Columns(few, w.since, w.held, pv, w.kind, w.high))
+    p, _, _, least, _ = descend(w, p, single, 0.0, 20, 1e-5)
     single_lag = p.copy()
     t0 = p[LAG] + p[DEAD]
     for share in (0.25, 0.5):
         if single_lag[LAG] < 0.1 * single_lag[DEAD]:
             p[DEAD], p[LAG] = (1.0 - share) * t0, share * t0
-            p, _, _, rss, _ = descend(at, t, u, py, kind, p, single, high, 0.0, 20, 1e-5)
+            p, _, _, rss, _ = descend(w, p, single, 0.0, 20, 1e-5)
             if rss < least:
                 single_lag, least = p.copy(), rss
     p, best, top = single_lag.copy(), single_lag.copy(), single_lag[DEAD]
     for k in range(DEAD_TIME_NODES if second else 0):
         dead_time = top * (1.0 - k / (DEAD_TIME_NODES - 1))
-        p, _, _, rss, _ = descend(
-            at, t, u, py, kind, moved(p, dead_time, kind, high, at[0]), beside, high, 0.0, 10, 1e-3
-        )
+        p, _, _, rss, _ = descend(w, moved(w, p, dead_time), beside, 0.0, 10, 1e-3)
         if rss < least:
             best, least = p.copy(), rss
     if second:
-        best = descend(at, t, u, py, kind, best, every, high, 0.0, MOST_DESCENT_STEPS, 1e-7)[0]
+        best = descend(w, best, every, 0.0, MOST_DESCENT_STEPS, 1e-7)[0]
     return best, single_lag
 
 
 @jit
-def walk(at, t, u, py, kind, start, stride, weight, scale):
+def walk(w, start, stride, weight, scale):
     """Walk along the valley, to less and to more dead time, until it is left: (n, 7) p, gain, load, likelihood.
 
     Parameters
@@ -221,25 +212,22 @@ def walk(at, t, u, py, kind, start, stride, weight, scale):
     scale
         Log-likelihood per unit of the residual sum of squares.
     """
-    high = bounds(t, kind)
-    beside = np.array([LAG, SHARE, ONSET]) if kind >= 2 else np.array([LAG, SHARE])
+    beside = np.array([LAG, SHARE, ONSET]) if w.kind >= 2 else np.array([LAG, SHARE])
     out = np.empty((17, 7))
-    p0, gain, load, _, cost0 = descend(at, t, u, py, kind, start, beside, high, weight, 1, 1e-4)
+    p0, gain, load, _, cost0 = descend(w, start, beside, weight, 1, 1e-4)
     out[0, :4], out[0, 4], out[0, 5], out[0, 6] = p0, gain, load, -scale * cost0
     n = 1
     for side in (-1.0, 1.0):
         p, step, last, best = p0.copy(), stride, -scale * cost0, -scale * cost0
         for _ in range(8):
-            dead_time = min(max(p[DEAD] + side * step, 0.0), high[DEAD])
+            dead_time = min(max(p[DEAD] + side * step, 0.0), w.high[DEAD])
             if dead_time == p[DEAD]:
                 break
-            q, gain, load, _, cost = descend(
-                at, t, u, py, kind, moved(p, dead_time, kind, high, at[0]), beside, high, weight, 12, 1e-4
-            )
+            q, gain, load, _, cost = descend(w, moved(w, p, dead_time), beside, weight, 12, 1e-4)
             stay = p.copy()
             stay[DEAD], stay[SHARE] = dead_time, max(p[SHARE], 0.005)
             if -scale * cost < last:
-                other = descend(at, t, u, py, kind, stay, beside, high, weight, 12, 1e-4)
+                other = descend(w, stay, beside, weight, 12, 1e-4)
                 if other[4] < cost:
                     q, gain, load, _, cost = other
             p = q

@@ -82,7 +82,8 @@ def covariance_of_lost_samples(w: SearchWindow, p: Array, gain: float, load: flo
     A lost sample's OP is taken for that of the one before. It may have been the next one's as well, or, under
     noise, have differed by as much as OP does from sample to sample.
     """
-    step = np.diff(w.t)
+    t, u = w.points.since, w.points.held
+    step = np.diff(t)
     usual = float(np.median(step))
     # what is longer yet is the coarse past of a load step, in points of mean values
     gaps = np.flatnonzero(
@@ -90,21 +91,22 @@ def covariance_of_lost_samples(w: SearchWindow, p: Array, gain: float, load: flo
     )
     if len(gaps) == 0:
         return np.zeros((3, 3))
-    moves = np.abs(np.diff(w.u))
+    moves = np.abs(np.diff(u))
     unknown = np.hypot(moves[gaps] / 2, float(np.median(moves))) * (step[gaps] - usual)  # [OP s]
     columns = [0, 1, 3, 4, 5] if w.kind >= 2 else [0, 1, 3]
-    tangents = slopes(w.at, w.since, w.held, w.kind, p, gain, load)[:, columns]
+    tangents = slopes(w.blocks, p, gain, load)[:, columns]
     inverse = np.ascontiguousarray(np.linalg.pinv(tangents, rcond=1e-6)[:3])
-    moved = of_pulses(w.at, w.kind, gain, p, w.t[gaps] + usual, w.t[gaps + 1], unknown, inverse)
+    moved = of_pulses(w.blocks, gain, p, t[gaps] + usual, t[gaps + 1], unknown, inverse)
     return np.asarray(moved @ moved.T)
 
 
 def covariance_by_tangents(w: SearchWindow, p: Array, noise: float) -> Array:
     """Covariance (4, 4) or (6, 6) of ln gain, lag, second lag, dead time [s], onset [s], ln size, by tangents."""
-    gain, load, _ = evaluate(w.at, w.since, w.held, w.mean, w.kind, p, np.empty(len(w.at)))
-    tangents = slopes(w.at, w.since, w.held, w.kind, p, gain, load)
+    gain, load, _ = evaluate(w.blocks, p, np.empty(len(w.blocks.at)))
+    tangents = slopes(w.blocks, p, gain, load)
+    t = w.points.at
     # parts of T0: where the data cannot tell them apart, none exceeds it by much
-    t0 = float(p[DEAD] + p[LAG] * (1.0 + p[SHARE])) + float(w.t[-1] - w.t[0]) / len(w.t)
+    t0 = float(p[DEAD] + p[LAG] * (1.0 + p[SHARE])) + float(t[-1] - t[0]) / len(t)
     usual = np.array([10.0, t0, SECOND_LAG_SHARE * t0, t0, 3.0 * t0, 3.0])[: tangents.shape[1]]
     scaled = tangents * usual
     inverse = np.linalg.inv(scaled.T @ scaled / noise + np.eye(len(usual)))

@@ -8,64 +8,72 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.detect.event import EventWindow
+from tuners.models import INTEGRATING
 
 from .fit import Array
-from .projection import DEAD, LAG, MOST_POINTS, ONSET, SHARE, blocks, project
+from .projection import DEAD, LAG, MOST_POINTS, MOST_SHARE, ONSET, SHARE, Columns, blocks, project
 
 SINGLE, BESIDE, EVERY = ((DEAD, LAG), (LAG, SHARE), (DEAD, LAG, SHARE))
 """Parameters that are searched for: with one lag, at a given dead time, all; for a load the onset too."""
-
-
-def window_columns(window: EventWindow, load: bool) -> tuple[Array, Array, Array]:
-    """Time, OP as deviation from rest, PV. A load acted before it was noticed: the rest lies further back."""
-    rest = np.mean(window.op[: max(window.before // 2 if load else window.before, 1)])
-    return window.time, window.op - rest, window.pv
-
-
-# -- all models that explain a window ---------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SearchWindow:
     """A window's columns, and what the searches of it need."""
 
-    kind: int
-    """As in `fitting`: 0, 1 for a set-point step, 2, 3 for a load step."""
-    t: Array
-    """(n,) [s]."""
-    u: Array
-    """(n,) OP from rest [OP]."""
-    y: Array
-    """(n,) PV, mean (and slope) taken out [PV]."""
-    at: Array
-    """(m,) times of PV in blocks [s]."""
-    since: Array
-    """(m,) times from which OP is held in blocks [s]."""
-    held: Array
-    """(m,) OP from rest, in blocks [OP]."""
+    points: Columns
+    """All points."""
+    blocks: Columns
+    """Means over blocks, in which a long window is searched."""
+    pv: Array
+    """(n,) as it was measured [PV]."""
     period: float | None
-    """Sample period [s]."""
-    mean: Array
-    """(m,) PV in blocks, mean (and slope) taken out [PV]."""
+    """Sample period, if known [s]."""
+
+    @property
+    def kind(self) -> int:
+        """As in `Columns`."""
+        return self.points.kind
+
+    @property
+    def moved(self) -> bool:
+        """Whether OP and PV did."""
+        return bool(np.any(self.points.held)) and bool(np.ptp(self.pv) != 0)
 
     def free(self, names: tuple[int, ...]) -> NDArray[np.int64]:
         """Return the places of these parameters, and of a load's onset."""
         return np.array(names + ((ONSET,) if self.kind >= 2 else ()))
 
 
-def search_window(t: Array, u: Array, y: Array, kind: int, period: float | None) -> SearchWindow:
-    """Lay out a window for the searches.
+def search_window(window: EventWindow, process: str, load: bool, period: float | None) -> SearchWindow:
+    """Lay out an event's window for the searches.
 
     Parameters
     ----------
-    t, u, y
-        (n,) times [s], OP from rest [OP], PV [PV].
-    kind
-        As in `fitting`.
+    process
+        Kind of process that is looked for.
+    load
+        A load stepped.
     period
         Sample period, if known [s].
     """
+    kind = (0 if process == INTEGRATING else 1) + (2 if load else 0)
+    t, u, y = window.time, op_from_rest(window, load), window.pv
     at, mean, since, held = blocks(t, u, y, MOST_POINTS)
     return SearchWindow(
-        kind, t, u, project(y.copy(), t, kind), at, since, held, period, project(mean, at, kind)
+        Columns(t, t, u, project(y.copy(), t, kind), kind, bounds(t, kind)),
+        Columns(at, since, held, project(mean, at, kind), kind, bounds(since, kind)),
+        y,
+        period,
     )
+
+
+def op_from_rest(window: EventWindow, load: bool) -> Array:
+    """OP as deviation from rest; (n,) [OP]. A load acted before it was noticed: the rest lies further back."""
+    return window.op - np.mean(window.op[: max(window.before // 2 if load else window.before, 1)])
+
+
+def bounds(t: Array, kind: int) -> Array:
+    """Upper bounds of the parameters: an integrating process shows its lags in half a window, or never."""
+    longest = t[-1] if kind % 2 else 0.5 * t[-1]
+    return np.array([longest, 20.0 * longest, MOST_SHARE, 0.0])

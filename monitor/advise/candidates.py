@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from monitor.assess.reference import SETPOINT, reference_settings, reference_structure
 from monitor.contract.loops import Loop
-from monitor.identify.fit import Array
+from monitor.contract.samples import Array
 from tuners.models import Model
 from tuners.robustness import peak_sensitivity
 from tuners.rules import RULES

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.assess.reference import with_hold_delay
-from monitor.identify.fit import Array, Fit, Valley
+from monitor.contract.samples import Array
+from monitor.identify.fit import Fit, Valley
 from tuners.models import INTEGRATING, IntegratingModel, Model, SelfRegulatingModel
 from tuners.settings import Settings
 

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.compiled import jit
-
-Array = NDArray[np.float64]
+from monitor.contract.samples import Array
 
 FREQUENCY_STEP_SHARE = 0.08
 """Step of the frequency as a share of it: a parabola through three points finds the peak to 0.1 %."""
@@ -28,9 +27,24 @@ NEGLIGIBLE_LOOP_GAIN = 0.05
 
 
 @jit  # type: ignore[untyped-decorator]
-def least_distance(  # noqa: PLR0915 (one pass over the frequencies)
-    model: Array, integrators: int, settings: Array, series: bool, enough: float
-) -> float:
+def _first_frequency(g: float, integrators: int, times: float, lead: float) -> float:
+    """Return a frequency from which nothing of the loop is missed [rad/s]; ``times`` and ``lead``: sums [s]."""
+    omega = (
+        (g / LOWEST_LOOP_GAIN) ** (1.0 / integrators) if integrators > 0 else 0.01 / (times + lead + 1e-300)
+    )
+    return min(omega, 0.2 / times) if times > 0.0 else omega
+
+
+@jit  # type: ignore[untyped-decorator]
+def _turns(model: Array, tf: float, a1: float, a2: float, integrators: int, omega: float) -> float:
+    """Whole turns about the origin that the loop gain's angle has made at a frequency [rad/s] where it crosses 1."""
+    phase = math.atan2(a1 * omega, 1.0 - a2 * omega * omega) - omega * model[1] - integrators * math.pi / 2
+    phase -= math.atan(model[2] * omega) + math.atan(model[3] * omega) + math.atan(tf * omega)
+    return math.floor((phase + math.pi) / (2.0 * math.pi))
+
+
+@jit  # type: ignore[untyped-decorator]
+def least_distance(model: Array, integrators: int, settings: Array, series: bool, enough: float) -> float:
     """Least abs(1 + L), i.e. 1/Ms; 0 where the loop is unstable, anything below ``enough`` as soon as it is below.
 
     Parameters
@@ -61,9 +75,7 @@ def least_distance(  # noqa: PLR0915 (one pass over the frequencies)
     times = theta + lag + lag2 + tf
     if not g > 0.0:
         return 0.0
-    omega = (g / LOWEST_LOOP_GAIN) ** (1.0 / n) if n > 0 else 0.01 / (times + a1 + 1e-300)
-    if times > 0.0:
-        omega = min(omega, 0.2 / times)
+    omega = _first_frequency(g, n, times, a1)
     least, turns = 1.0, 0.0
     size_before, before, before2, omega_before = 0.0, np.inf, np.inf, omega
     for k in range(MOST_FREQUENCIES):
@@ -85,9 +97,7 @@ def least_distance(  # noqa: PLR0915 (one pass over the frequencies)
             # stability is decided by the phase at the gain crossovers, as in `tuners.robustness`
             share = math.log(size_before) / (math.log(size_before) - math.log(size))
             at = omega_before * (omega / omega_before) ** share
-            phase = math.atan2(a1 * at, 1.0 - a2 * at * at) - at * theta - n * math.pi / 2
-            phase -= math.atan(lag * at) + math.atan(lag2 * at) + math.atan(tf * at)
-            turn = math.floor((phase + math.pi) / (2.0 * math.pi))
+            turn = _turns(model, tf, a1, a2, n, at)
             turns += turn if size < 1.0 else -turn
         lowest = distance
         bend = before2 - 2.0 * before + distance

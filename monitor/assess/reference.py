@@ -96,7 +96,7 @@ RULE = {"p": "simc-p", "pi": "simc-pi", "pid": "simc-pid", "pd": "simc-pd"}
 """Name of each structure's rule, as in ``loopsight tune --list`` (``simc-p``: ``simc-pd`` without its lead)."""
 
 
-def reference_iae(  # noqa: PLR0911 (one return for each formula)
+def reference_iae(
     kind: str, size: float, model: Model, structure: str, tc: float, b: float = 1.0, c: float = 1.0
 ) -> float:
     """Return the IAE [PV s] of the reference after a step of ``size`` (PV for a set-point, OP for a load step).
@@ -116,27 +116,29 @@ def reference_iae(  # noqa: PLR0911 (one return for each formula)
     16.0
     """
     reduced_model = reduced(model, structure)
-    theta, gain = float(reduced_model.dead_time), abs(float(reduced_model.gain))
-    time = tc + theta
+    time, size = tc + float(reduced_model.dead_time), abs(size)
     integral = structure in {"pi", "pid"}
-    size = abs(size)
-    if isinstance(reduced_model, IntegratingModel):
-        if kind == LOAD:
-            return 4.0 * gain * time**2 * size if integral else math.nan
-        if not integral:
-            return size * time
-        if b == 0.0 and c == 0.0:
-            return size * (4.0 * time + float(reduced_model.lag))
-        if b == 1.0 and (c == 1.0 or structure == "pi"):
-            return size * (theta + 4.0 * time / math.e)
-        return _simulated(size, reduced_model, structure, tc, b, c)
-    lag = float(reduced_model.lag)
-    quick = lag <= 4.0 * time
     if kind == LOAD:
-        return (gain * time * size if quick else 4.0 * gain * time**2 * size / lag) if integral else math.nan
-    if quick and b == 1.0:
+        return _load_iae(reduced_model, time, size) if integral else math.nan
+    if isinstance(reduced_model, SelfRegulatingModel):
+        quick = float(reduced_model.lag) <= 4.0 * time
+        return size * time if quick and b == 1.0 else _simulated(size, reduced_model, "pi", tc, b, c)
+    if not integral:
         return size * time
-    return _simulated(size, reduced_model, "pi", tc, b, c)
+    if b == 0.0 and c == 0.0:
+        return size * (4.0 * time + float(reduced_model.lag))
+    if b == 1.0 and (c == 1.0 or structure == "pi"):
+        return size * (float(reduced_model.dead_time) + 4.0 * time / math.e)
+    return _simulated(size, reduced_model, structure, tc, b, c)
+
+
+def _load_iae(model: Model, time: float, size: float) -> float:
+    """Return the IAE [PV s] after a load step [OP] under integral action; ``time`` is tc and dead time [s]."""
+    gain = abs(float(model.gain))
+    if isinstance(model, IntegratingModel):
+        return 4.0 * gain * time**2 * size
+    lag = float(model.lag)
+    return gain * time * size if lag <= 4.0 * time else 4.0 * gain * time**2 * size / lag
 
 
 def _simulated(size: float, model: Model, structure: str, tc: float, b: float, c: float) -> float:

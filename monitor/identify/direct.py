@@ -16,11 +16,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
 from tuners.models import INTEGRATING
 
-from .fit import ALIKE_DEAD_TIMES, DECIDES_LN, SIMPLER_LN, Array, Fit, Valley, better_by
-from .projection import DEAD, LAG, ONSET, SHARE, evaluate, slopes
+from .fit import ALIKE_DEAD_TIMES, DECIDES_LN, SIMPLER_LN, Fit, Valley, better_by
+from .projection import P_DEAD_TIME, P_LAG, P_ONSET, P_SHARE, evaluate, slopes
 from .response import load_response, response
 from .search import descend, search, walk
 from .uncertainty import (
@@ -91,10 +92,10 @@ def fit_window(
     if found is None:
         return None
     p = found.p
-    model = (found.gain, float(p[LAG]), float(p[DEAD]), float(p[LAG] * p[SHARE]))
+    model = (found.gain, float(p[P_LAG]), float(p[P_DEAD_TIME]), float(p[P_LAG] * p[P_SHARE]))
     fit = with_uncertainty(process, model, window.time, w.pv, found.residual, found.scatter, period)
     fit = replace(fit, log_likelihood=found.log_likelihood, n_eff=found.n_eff, valley=found.valley)
-    return replace(fit, size=found.load / found.gain, onset=float(p[ONSET])) if load else fit
+    return replace(fit, size=found.load / found.gain, onset=float(p[P_ONSET])) if load else fit
 
 
 def model_response(window: EventWindow, fit: Fit) -> Array:
@@ -163,8 +164,8 @@ def _explain(w: SearchWindow, compared: bool, rival: Fit | None) -> _Found | Non
 
 def _not_believed(w: SearchWindow, p: Array, better: float) -> bool:
     """Whether `decide` will prefer the integrating model."""
-    alike = p[LAG] > min(
-        2.0 * float(w.points.at[-1]), ALIKE_DEAD_TIMES * float(p[DEAD] + p[LAG] * p[SHARE] / 2)
+    alike = p[P_LAG] > min(
+        2.0 * float(w.points.at[-1]), ALIKE_DEAD_TIMES * float(p[P_DEAD_TIME] + p[P_LAG] * p[P_SHARE] / 2)
     )
     return better <= -SIMPLER_LN or (better < DECIDES_LN and alike)
 
@@ -172,9 +173,10 @@ def _not_believed(w: SearchWindow, p: Array, better: float) -> bool:
 def _one_lag(w: SearchWindow, start: Array) -> tuple[Array, float, float, Array, Valley | None]:
     """Return p, gain, gain times load, scatter of the best model with this second lag, by its tangents."""
     starts = [start]
-    if start[LAG] < 0.1 * start[DEAD]:  # a lag of a block's length or less is not seen in blocks
+    if start[P_LAG] < 0.1 * start[P_DEAD_TIME]:  # a lag of a block's length or less is not seen in blocks
         starts.append(
-            np.array([0.75, 0.25, 0.0, 0.0]) * (start[LAG] + start[DEAD]) + np.array([0, 0, *start[2:]])
+            np.array([0.75, 0.25, 0.0, 0.0]) * (start[P_LAG] + start[P_DEAD_TIME])
+            + np.array([0, 0, *start[2:]])
         )
     tried = [descend(w.points, s, w.free(SINGLE), 0.0, 20, 1e-7) for s in starts]
     p, gain, load, _, _ = min(tried, key=lambda found: found[3])
@@ -184,7 +186,7 @@ def _one_lag(w: SearchWindow, start: Array) -> tuple[Array, float, float, Array,
     columns = [0, 1, 3, 4, 5] if w.kind >= 2 else [0, 1, 3]
     t = w.points.at
     step = float(t[-1] - t[0]) / len(t)
-    scatter = tangent_scatter(residual, tangents[:, columns], float(p[DEAD] + p[LAG]), step)
+    scatter = tangent_scatter(residual, tangents[:, columns], float(p[P_DEAD_TIME] + p[P_LAG]), step)
     return p, gain, load, scatter, None
 
 
@@ -202,11 +204,11 @@ def _two_lags(w: SearchWindow, start: Array, noise: float) -> tuple[Array, float
     prior = noise / SECOND_LAG_SHARE**2
     stride = max(0.5 * math.sqrt(cov[3, 3]), 1e-6 * float(t[-1] - t[0]))
     nodes = walk(w.blocks, start, stride, prior, 0.5 / noise)
-    nodes = nodes[np.argsort(nodes[:, DEAD])]
-    weight = node_weights(nodes[:, DEAD], nodes[:, -1])
-    middle = max(float(weight @ nodes[:, DEAD] + best[DEAD] - start[DEAD]), 0.0)
-    near = nodes[np.argmin(np.abs(nodes[:, DEAD] - middle)), :4].copy()
-    near[DEAD] = middle
+    nodes = nodes[np.argsort(nodes[:, P_DEAD_TIME])]
+    weight = node_weights(nodes[:, P_DEAD_TIME], nodes[:, -1])
+    middle = max(float(weight @ nodes[:, P_DEAD_TIME] + best[P_DEAD_TIME] - start[P_DEAD_TIME]), 0.0)
+    near = nodes[np.argmin(np.abs(nodes[:, P_DEAD_TIME] - middle)), :4].copy()
+    near[P_DEAD_TIME] = middle
     p, gain, load, _, _ = descend(w.points, near, w.free(BESIDE), prior * len(t) / len(w.blocks.at), 10, 1e-5)
     away = half_rule(nodes, nodes[:, 4]) - half_rule(p[None], np.array([gain]))
     # what is uncertain at each dead time, and how the dead times differ
@@ -216,12 +218,14 @@ def _two_lags(w: SearchWindow, start: Array, noise: float) -> tuple[Array, float
     fold[0, 0] = fold[1, 1] = 1.0
     fold[1, 2] = fold[2, 2] = 0.5
     across = fold @ beside @ fold.T
-    models = np.column_stack([nodes[:, 4], nodes[:, LAG], nodes[:, DEAD], nodes[:, LAG] * nodes[:, SHARE]])
+    models = np.column_stack(
+        [nodes[:, 4], nodes[:, P_LAG], nodes[:, P_DEAD_TIME], nodes[:, P_LAG] * nodes[:, P_SHARE]]
+    )
     valley = Valley(models, 2.0 * (nodes[:, -1].max() - nodes[:, -1]), across)
     return (
         p,
         gain,
         load,
-        across + shrunk_variance(nodes[:, DEAD], middle, weight) * (away.T * weight) @ away,
+        across + shrunk_variance(nodes[:, P_DEAD_TIME], middle, weight) * (away.T * weight) @ away,
         valley,
     )

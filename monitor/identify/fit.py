@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from monitor.contract.samples import Array
 from tuners.models import INTEGRATING, SELF_REGULATING
-
-Array = NDArray[np.float64]
 
 DIRECT, INDIRECT, JOINT = "direct", "indirect", "joint"
 

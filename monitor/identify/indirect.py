@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
 from tuners.models import INTEGRATING
 from tuners.settings import NotRepresentableError, Settings
 
-from .fit import INDIRECT, Array, Fit
+from .fit import INDIRECT, Fit
 from .response import closed_loop
 from .uncertainty import tangent_scatter, with_uncertainty
 
@@ -32,7 +33,7 @@ MOST_ITERATIONS = 25
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Case:
+class _Scans:
     """A window laid on the controller's grid."""
 
     kind: int
@@ -95,18 +96,18 @@ def indirect_fit(window: EventWindow, period: float, settings: Settings, start: 
     Fit or None
         None where the window does not lie on a regular grid or nothing better than the guess is found.
     """
-    case = _case(window, period, settings, start)
-    if case is None:
+    scans = _on_scans(window, period, settings, start)
+    if scans is None:
         return None
     p = np.array([math.log(abs(start.gain)), start.lag, start.dead_time])
-    p, residual = _levenberg_marquardt(case, p)
+    p, residual = _levenberg_marquardt(scans, p)
     if not np.isfinite(residual).all():
         return None
-    model = (case.sign * math.exp(p[0]), float(p[1]), float(p[2]), start.lag2)
+    model = (scans.sign * math.exp(p[0]), float(p[1]), float(p[2]), start.lag2)
     # secants of 5 %: at a lag of zero the tangents of lag and dead time coincide
-    jacobian = _jacobian(case, p, residual, 0.05)
+    jacobian = _jacobian(scans, p, residual, 0.05)
     scatter = tangent_scatter(residual, jacobian, float(p[1] + p[2]), period)
-    return with_uncertainty(start.process, model, case.time, case.y, residual, scatter, period, INDIRECT)
+    return with_uncertainty(start.process, model, scans.time, scans.y, residual, scatter, period, INDIRECT)
 
 
 def _standard(settings: Settings) -> tuple[float, float, float, float, float, float] | None:
@@ -117,7 +118,7 @@ def _standard(settings: Settings) -> tuple[float, float, float, float, float, fl
     return float(s.kp), float(s.ki), float(s.kd), float(s.filter_time), float(s.b), float(s.c)
 
 
-def _case(window: EventWindow, period: float, settings: Settings, start: Fit) -> _Case | None:
+def _on_scans(window: EventWindow, period: float, settings: Settings, start: Fit) -> _Scans | None:
     controller = _standard(settings)
     if controller is None or period <= 0:
         return None
@@ -131,7 +132,7 @@ def _case(window: EventWindow, period: float, settings: Settings, start: Fit) ->
         return None
     sp0 = float(np.median(sp[: max(window.before, 1)]))
     place = np.searchsorted(at, np.arange(int(at[-1]) + 1), side="right") - 1
-    return _Case(
+    return _Scans(
         kind=0 if start.process == INTEGRATING else 1,
         period=period,
         at=at,
@@ -144,32 +145,36 @@ def _case(window: EventWindow, period: float, settings: Settings, start: Fit) ->
     )
 
 
-def _residual(case: _Case, p: Array) -> Array:
+def _residual(scans: _Scans, p: Array) -> Array:
     """PV less the simulated one, a constant fitted; (n,) [PV]."""
-    gain, lag, dead_time = case.sign * math.exp(min(p[0], 700.0)), max(p[1], 0.0), max(p[2], 0.0)
-    y = closed_loop(case.r, case.period, case.kind, gain, dead_time, lag, case.lag2, *case.controller)
-    rest = case.y - np.where(case.at >= 0, y[np.maximum(case.at, 0)], 0.0)
+    gain, lag, dead_time = scans.sign * math.exp(min(p[0], 700.0)), max(p[1], 0.0), max(p[2], 0.0)
+    y = closed_loop(scans.r, scans.period, scans.kind, gain, dead_time, lag, scans.lag2, *scans.controller)
+    rest = scans.y - np.where(scans.at >= 0, y[np.maximum(scans.at, 0)], 0.0)
     return np.asarray(rest - rest.mean())
 
 
-def _jacobian(case: _Case, p: Array, residual: Array, share: float) -> Array:
+def _jacobian(scans: _Scans, p: Array, residual: Array, share: float) -> Array:
     """(n, 3): PV's change per unit of ln gain, lag and dead time; secants of this share of T0."""
-    scale = share * (abs(p[1]) + abs(p[2]) + 0.2 * case.period)
+    scale = share * (abs(p[1]) + abs(p[2]) + 0.2 * scans.period)
     columns = []
     for k, step in enumerate((0.01, scale, scale)):
         q = p.copy()
         q[k] += step
-        columns.append((residual - _residual(case, q)) / step)
+        columns.append((residual - _residual(scans, q)) / step)
     return np.column_stack(columns)
 
 
-def _levenberg_marquardt(case: _Case, p: Array) -> tuple[Array, Array]:
-    """Least squares in (ln gain, lag, dead time), times at 0 or above: optimum and residual."""
-    residual = _residual(case, p)
+def _levenberg_marquardt(scans: _Scans, p: Array) -> tuple[Array, Array]:
+    """Least squares in (ln gain, lag, dead time), times at 0 or above: optimum and residual.
+
+    Our own: `scipy.optimize.least_squares` with bounds takes three times as long, and its optimum differs in the last
+    digits.
+    """
+    residual = _residual(scans, p)
     cost, damping = float(residual @ residual), 1e-3
     for _ in range(MOST_ITERATIONS):
         # short secants: one that reaches into the unstable region says nothing of the slope here
-        j = _jacobian(case, p, residual, 0.002)
+        j = _jacobian(scans, p, residual, 0.002)
         if not (math.isfinite(cost) and np.isfinite(j).all()):
             break
         normal, slope = j.T @ j, j.T @ residual
@@ -179,7 +184,7 @@ def _levenberg_marquardt(case: _Case, p: Array) -> tuple[Array, Array]:
             q = p + step
             q[0] = np.clip(q[0], p[0] - 1.0, p[0] + 1.0)
             q[1:] = np.maximum(q[1:], 0.0)
-            trial = _residual(case, q)
+            trial = _residual(scans, q)
             value = float(trial @ trial)
             if value < cost:
                 gained = cost - value

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.contract.samples import Array
 from monitor.detect.event import LOAD_STEP, ClosedEvent
-
-from .fit import Array
 
 OUTLIER_SD, OUTLIER_QUANTA = 10.0, 3.0
 """Standard deviations of PV's noise, and steps of a coarse PV, by which such a value must stand out of both its

@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor.compiled import jit
+from monitor.contract.samples import Array
 
-from .fit import Array
 from .response import load_response, response_at
 
-DEAD, LAG, SHARE, ONSET = range(4)
+P_DEAD_TIME, P_LAG, P_SHARE, P_ONSET = range(4)
 """Places of the parameters."""
 MOST_SHARE = 0.99
 """Of the second lag in the first; partial fractions need two different lags."""
@@ -56,12 +56,14 @@ def project(x, t, kind):
 @jit
 def unit_responses(w, p):
     """Return what OP and what a load step of one unit do to PV, gain 1, projected; the latter empty without one."""
-    lag2 = p[SHARE] * p[LAG]
+    lag2 = p[P_SHARE] * p[P_LAG]
     kind = w.kind % 2
-    x = project(response_at(w.at, w.since, w.held, kind, p[DEAD], p[LAG], lag2), w.at, w.kind)
+    x = project(response_at(w.at, w.since, w.held, kind, p[P_DEAD_TIME], p[P_LAG], lag2), w.at, w.kind)
     if w.kind < 2:
         return x, np.zeros(0)
-    return x, project(load_response(w.at - p[ONSET], kind, 1.0, p[DEAD], p[LAG], lag2), w.at, w.kind)
+    return x, project(
+        load_response(w.at - p[P_ONSET], kind, 1.0, p[P_DEAD_TIME], p[P_LAG], lag2), w.at, w.kind
+    )
 
 
 @jit
@@ -122,7 +124,7 @@ def slopes(w, p, gain, load):
 
     Secants of 5 % of T0: at lags of zero the tangents of lags and dead time coincide. All is projected.
     """
-    lags = np.array([p[LAG], p[SHARE] * p[LAG], p[DEAD], p[ONSET]])
+    lags = np.array([p[P_LAG], p[P_SHARE] * p[P_LAG], p[P_DEAD_TIME], p[P_ONSET]])
     at = w.at
     step = 0.05 * (lags[0] + lags[1] + lags[2]) + 0.05 * (at[-1] - at[0]) / len(at)
     m = 6 if w.kind >= 2 else 4
@@ -158,8 +160,8 @@ def of_pulses(w, gain, p, first, end, area, inverse):
     at = w.at
     out = np.zeros((len(inverse), len(first)))
     for k in range(len(first)):
-        on = load_response(at - first[k], w.kind % 2, gain, p[DEAD], p[LAG], p[SHARE] * p[LAG])
-        off = load_response(at - end[k], w.kind % 2, gain, p[DEAD], p[LAG], p[SHARE] * p[LAG])
+        on = load_response(at - first[k], w.kind % 2, gain, p[P_DEAD_TIME], p[P_LAG], p[P_SHARE] * p[P_LAG])
+        off = load_response(at - end[k], w.kind % 2, gain, p[P_DEAD_TIME], p[P_LAG], p[P_SHARE] * p[P_LAG])
         for i in range(len(at)):
             moved = (on[i] - off[i]) * area[k] / (end[k] - first[k])
             for j in range(len(inverse)):

@@ -11,7 +11,7 @@ import numpy as np
 
 from monitor.compiled import jit
 
-from .projection import DEAD, LAG, MOST_SHARE, ONSET, SHARE, Columns, evaluate, project
+from .projection import MOST_SHARE, P_DEAD_TIME, P_LAG, P_ONSET, P_SHARE, Columns, evaluate, project
 
 DEAD_TIME_NODES = 6
 """Dead times, from that of the best single lag down to nothing, from which the best model is looked for."""
@@ -53,11 +53,11 @@ def _normal(w, p, r, free, weight, a, b, which):
     n, k = len(r), len(free)
     at, high = w.at, w.high
     jacobian, trial, q = np.empty((k, n)), np.empty(n), p.copy()
-    scale = p[DEAD] + p[LAG] * (1.0 + p[SHARE]) + (at[-1] - at[0]) / n
+    scale = p[P_DEAD_TIME] + p[P_LAG] * (1.0 + p[P_SHARE]) + (at[-1] - at[0]) / n
     m = 0
     for c in range(k):
         f = free[c]
-        h = 1e-3 if f == SHARE else 1e-3 * scale
+        h = 1e-3 if f == P_SHARE else 1e-3 * scale
         if p[f] + h > high[f]:
             h = -h
         q[f] = p[f] + h
@@ -67,8 +67,8 @@ def _normal(w, p, r, free, weight, a, b, which):
         for i in range(n):
             jacobian[m, i] = (r[i] - trial[i]) / h
             slope += jacobian[m, i] * r[i]
-        slope -= weight * p[f] if f == SHARE else 0.0
-        low = at[0] if f == ONSET else 0.0
+        slope -= weight * p[f] if f == P_SHARE else 0.0
+        low = at[0] if f == P_ONSET else 0.0
         if not np.isfinite(slope) or (p[f] <= low and slope < 0.0) or (p[f] >= high[f] and slope > 0.0):
             continue
         which[m], b[m] = f, slope
@@ -79,7 +79,7 @@ def _normal(w, p, r, free, weight, a, b, which):
             for i in range(n):
                 total += jacobian[c, i] * jacobian[d, i]
             a[c, d] = a[d, c] = total
-        if which[c] == SHARE:
+        if which[c] == P_SHARE:
             a[c, c] += weight
     return m
 
@@ -94,7 +94,7 @@ def descend(w, start, free, weight, steps, close):
     at, high = w.at, w.high
     p, r, trial = start.copy(), np.empty(len(at)), np.empty(len(at))
     gain, load, rss = evaluate(w, p, r)
-    cost = rss + weight * p[SHARE] ** 2
+    cost = rss + weight * p[P_SHARE] ** 2
     a, b, which = np.zeros((4, 4)), np.zeros(4), np.zeros(4, dtype=np.int64)
     damping = 1e-3
     for _ in range(steps):
@@ -111,10 +111,10 @@ def descend(w, start, free, weight, steps, close):
             for c in range(m):
                 f = which[c]
                 # towards no lag by degrees: from there all slopes towards a lag are 0, and no way leads out
-                low = at[0] if f == ONSET else 0.3 * p[f] if f == LAG else 0.0
+                low = at[0] if f == P_ONSET else 0.3 * p[f] if f == P_LAG else 0.0
                 q[f] = min(max(p[f] + x[c], low), high[f])
             found = evaluate(w, q, trial)
-            value = found[2] + weight * q[SHARE] ** 2
+            value = found[2] + weight * q[P_SHARE] ** 2
             if value < cost:
                 gained = cost - value
                 p, cost = q, value
@@ -137,12 +137,12 @@ def _coarse(w):
     best, least = np.array([0.0, step, 0.0, 0.0]), np.inf
     p = best.copy()
     for a in range(many):
-        p[DEAD] = 0.0 if a == 0 else step * (0.5 * w.since[-1] / step) ** ((a - 1) / (many - 1))
+        p[P_DEAD_TIME] = 0.0 if a == 0 else step * (0.5 * w.since[-1] / step) ** ((a - 1) / (many - 1))
         for b in range(many):
-            p[LAG] = 0.0 if b == 0 else step * (high[DEAD] / step) ** ((b - 1) / (many - 1))
+            p[P_LAG] = 0.0 if b == 0 else step * (high[P_DEAD_TIME] / step) ** ((b - 1) / (many - 1))
             for c in range(onsets):
                 if w.kind >= 2:  # far back and, ever more closely, shortly before it was noticed
-                    p[ONSET] = -2.0 * step * (-at[0] / (2.0 * step)) ** (c / (onsets - 1))
+                    p[P_ONSET] = -2.0 * step * (-at[0] / (2.0 * step)) ** (c / (onsets - 1))
                 rss = evaluate(w, p, r)[2]
                 if rss < least:
                     best, least = p.copy(), rss
@@ -153,11 +153,13 @@ def _coarse(w):
 def moved(w, p, dead_time):
     """Where to look for the best model at another dead time: what it loses, onset and second lag take up."""
     q = p.copy()
-    less = p[DEAD] - dead_time
-    q[DEAD] = dead_time
+    less = p[P_DEAD_TIME] - dead_time
+    q[P_DEAD_TIME] = dead_time
     if w.kind >= 2:
-        q[ONSET] = min(max(p[ONSET] + 0.9 * less, w.at[0]), 0.0)
-    q[SHARE] = min(max(p[SHARE] + 0.7 * less / max(p[LAG], 1e-9 * w.high[LAG]), 0.005), MOST_SHARE - 0.01)
+        q[P_ONSET] = min(max(p[P_ONSET] + 0.9 * less, w.at[0]), 0.0)
+    q[P_SHARE] = min(
+        max(p[P_SHARE] + 0.7 * less / max(p[P_LAG], 1e-9 * w.high[P_LAG]), 0.005), MOST_SHARE - 0.01
+    )
     return q
 
 
@@ -170,23 +172,27 @@ def search(w, second):
     """
     at = w.at
     with_onset = w.kind >= 2
-    single = np.array([DEAD, LAG, ONSET]) if with_onset else np.array([DEAD, LAG])
-    beside = np.array([LAG, SHARE, ONSET]) if with_onset else np.array([LAG, SHARE])
-    every = np.array([DEAD, LAG, SHARE, ONSET]) if with_onset else np.array([DEAD, LAG, SHARE])
+    single = np.array([P_DEAD_TIME, P_LAG, P_ONSET]) if with_onset else np.array([P_DEAD_TIME, P_LAG])
+    beside = np.array([P_LAG, P_SHARE, P_ONSET]) if with_onset else np.array([P_LAG, P_SHARE])
+    every = (
+        np.array([P_DEAD_TIME, P_LAG, P_SHARE, P_ONSET])
+        if with_onset
+        else np.array([P_DEAD_TIME, P_LAG, P_SHARE])
+    )
     thin = max(len(at) // 100, 1)
     few = at[::thin].copy()
     pv = project(w.pv[::thin].copy(), few, w.kind)
     p = _coarse(Columns(few, w.since, w.held, pv, w.kind, w.high))
     p, _, _, least, _ = descend(w, p, single, 0.0, 20, 1e-5)
     single_lag = p.copy()
-    t0 = p[LAG] + p[DEAD]
+    t0 = p[P_LAG] + p[P_DEAD_TIME]
     for share in (0.25, 0.5):
-        if single_lag[LAG] < 0.1 * single_lag[DEAD]:
-            p[DEAD], p[LAG] = (1.0 - share) * t0, share * t0
+        if single_lag[P_LAG] < 0.1 * single_lag[P_DEAD_TIME]:
+            p[P_DEAD_TIME], p[P_LAG] = (1.0 - share) * t0, share * t0
             p, _, _, rss, _ = descend(w, p, single, 0.0, 20, 1e-5)
             if rss < least:
                 single_lag, least = p.copy(), rss
-    p, best, top = single_lag.copy(), single_lag.copy(), single_lag[DEAD]
+    p, best, top = single_lag.copy(), single_lag.copy(), single_lag[P_DEAD_TIME]
     for k in range(DEAD_TIME_NODES if second else 0):
         dead_time = top * (1.0 - k / (DEAD_TIME_NODES - 1))
         p, _, _, rss, _ = descend(w, moved(w, p, dead_time), beside, 0.0, 10, 1e-3)
@@ -212,7 +218,7 @@ def walk(w, start, stride, weight, scale):
     scale
         Log-likelihood per unit of the residual sum of squares.
     """
-    beside = np.array([LAG, SHARE, ONSET]) if w.kind >= 2 else np.array([LAG, SHARE])
+    beside = np.array([P_LAG, P_SHARE, P_ONSET]) if w.kind >= 2 else np.array([P_LAG, P_SHARE])
     out = np.empty((17, 7))
     p0, gain, load, _, cost0 = descend(w, start, beside, weight, 1, 1e-4)
     out[0, :4], out[0, 4], out[0, 5], out[0, 6] = p0, gain, load, -scale * cost0
@@ -220,12 +226,12 @@ def walk(w, start, stride, weight, scale):
     for side in (-1.0, 1.0):
         p, step, last, best = p0.copy(), stride, -scale * cost0, -scale * cost0
         for _ in range(8):
-            dead_time = min(max(p[DEAD] + side * step, 0.0), w.high[DEAD])
-            if dead_time == p[DEAD]:
+            dead_time = min(max(p[P_DEAD_TIME] + side * step, 0.0), w.high[P_DEAD_TIME])
+            if dead_time == p[P_DEAD_TIME]:
                 break
             q, gain, load, _, cost = descend(w, moved(w, p, dead_time), beside, weight, 12, 1e-4)
             stay = p.copy()
-            stay[DEAD], stay[SHARE] = dead_time, max(p[SHARE], 0.005)
+            stay[P_DEAD_TIME], stay[P_SHARE] = dead_time, max(p[P_SHARE], 0.005)
             if -scale * cost < last:
                 other = descend(w, stay, beside, weight, 12, 1e-4)
                 if other[4] < cost:

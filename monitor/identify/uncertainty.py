@@ -6,8 +6,10 @@ import math
 
 import numpy as np
 
-from .fit import DIRECT, Z95, Array, Fit
-from .projection import DEAD, LAG, SHARE, evaluate, of_pulses, slopes
+from monitor.contract.samples import Array
+
+from .fit import DIRECT, Z95, Fit
+from .projection import P_DEAD_TIME, P_LAG, P_SHARE, evaluate, of_pulses, slopes
 from .window import SearchWindow
 
 LN_GAIN_FLOOR_SD = 0.01
@@ -106,7 +108,7 @@ def covariance_by_tangents(w: SearchWindow, p: Array, noise: float) -> Array:
     tangents = slopes(w.blocks, p, gain, load)
     t = w.points.at
     # parts of T0: where the data cannot tell them apart, none exceeds it by much
-    t0 = float(p[DEAD] + p[LAG] * (1.0 + p[SHARE])) + float(t[-1] - t[0]) / len(t)
+    t0 = float(p[P_DEAD_TIME] + p[P_LAG] * (1.0 + p[P_SHARE])) + float(t[-1] - t[0]) / len(t)
     usual = np.array([10.0, t0, SECOND_LAG_SHARE * t0, t0, 3.0 * t0, 3.0])[: tangents.shape[1]]
     scaled = tangents * usual
     inverse = np.linalg.inv(scaled.T @ scaled / noise + np.eye(len(usual)))
@@ -131,8 +133,8 @@ def shrunk_variance(at: Array, middle: float, weight: Array) -> float:
 
 def half_rule(p: Array, gain: Array) -> Array:
     """(n, 3) of ln |gain|, lag, dead time [s], half the second lag in each (half rule, Skogestad 2003)."""
-    half = p[:, LAG] * p[:, SHARE] / 2
-    return np.column_stack([np.log(np.abs(gain)), p[:, LAG] + half, p[:, DEAD] + half])
+    half = p[:, P_LAG] * p[:, P_SHARE] / 2
+    return np.column_stack([np.log(np.abs(gain)), p[:, P_LAG] + half, p[:, P_DEAD_TIME] + half])
 
 
 def tangent_scatter(residual: Array, jacobian: Array, t0: float, step: float) -> Array:

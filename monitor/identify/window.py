@@ -7,13 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
 from tuners.models import INTEGRATING
 
-from .fit import Array
-from .projection import DEAD, LAG, MOST_POINTS, MOST_SHARE, ONSET, SHARE, Columns, blocks, project
+from .projection import (
+    MOST_POINTS,
+    MOST_SHARE,
+    P_DEAD_TIME,
+    P_LAG,
+    P_ONSET,
+    P_SHARE,
+    Columns,
+    blocks,
+    project,
+)
 
-SINGLE, BESIDE, EVERY = ((DEAD, LAG), (LAG, SHARE), (DEAD, LAG, SHARE))
+SINGLE, BESIDE, EVERY = ((P_DEAD_TIME, P_LAG), (P_LAG, P_SHARE), (P_DEAD_TIME, P_LAG, P_SHARE))
 """Parameters that are searched for: with one lag, at a given dead time, all; for a load the onset too."""
 
 
@@ -42,7 +52,7 @@ class SearchWindow:
 
     def free(self, names: tuple[int, ...]) -> NDArray[np.int64]:
         """Return the places of these parameters, and of a load's onset."""
-        return np.array(names + ((ONSET,) if self.kind >= 2 else ()))
+        return np.array(names + ((P_ONSET,) if self.kind >= 2 else ()))
 
 
 def search_window(window: EventWindow, process: str, load: bool, period: float | None) -> SearchWindow:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor.contract.records import NOT_ASSESSED, LoopRow
+from tuners.models import FloatOrArray
 
 STALE = "stale"
 """The flag."""
@@ -42,7 +43,7 @@ def patience_of_export(first: int, newest: int) -> Patience:
     return Patience(least, unknown=least)
 
 
-def is_stale(silence: Any, period: Any, patience: Patience) -> NDArray[np.bool_]:
+def is_stale(silence: FloatOrArray, period: FloatOrArray, patience: Patience) -> NDArray[np.bool_]:
     """Whether loops are stale.
 
     Parameters

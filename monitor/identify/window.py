@@ -68,7 +68,7 @@ def search_window(window: EventWindow, process: str, load: bool, period: float |
         Sample period, if known [s].
     """
     kind = (0 if process == INTEGRATING else 1) + (2 if load else 0)
-    t, u, y = window.time, op_from_rest(window, load), window.pv
+    t, u, y = (np.ascontiguousarray(x) for x in (window.time, op_from_rest(window, load), window.pv))
     at, mean, since, held = blocks(t, u, y, MOST_POINTS)
     return SearchWindow(
         Columns(t, t, u, project(y.copy(), t, kind), kind, bounds(t, kind)),

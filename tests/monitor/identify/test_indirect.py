@@ -11,7 +11,7 @@ from monitor.detect.detector import Detector
 from monitor.detect.event import EventWindow
 from monitor.identify.direct import fit_window
 from monitor.identify.fit import INDIRECT
-from monitor.identify.indirect import REPRODUCES, indirect_fit, reproduces
+from monitor.identify.indirect import LEAST_OP_EXPLAINED, indirect_fit, op_explained
 from tests.support.detection import events_of
 from tests.support.plants import pi_loop, times
 from tuners.models import INTEGRATING
@@ -38,9 +38,9 @@ def stepped(noise: float, seed: int, n: int = 700) -> EventWindow:
 )
 def test_only_its_own_settings_explain_op(settings, share):
     """All of it where they are right; with others less than is asked of them."""
-    found = reproduces(stepped(0.05, 1), settings, 1.0)
+    found = op_explained(stepped(0.05, 1), settings, 1.0)
     if share is None:
-        assert found < REPRODUCES
+        assert found < LEAST_OP_EXPLAINED
     else:
         assert found == pytest.approx(share, abs=1e-6)
 

@@ -26,7 +26,7 @@ NEGLIGIBLE_LOOP_GAIN = 0.05
 """abs(L) that is not followed further."""
 
 
-@jit  # type: ignore[untyped-decorator]
+@jit
 def _first_frequency(g: float, integrators: int, times: float, lead: float) -> float:
     """Return a frequency from which nothing of the loop is missed [rad/s]; ``times`` and ``lead``: sums [s]."""
     omega = (
@@ -35,15 +35,15 @@ def _first_frequency(g: float, integrators: int, times: float, lead: float) -> f
     return min(omega, 0.2 / times) if times > 0.0 else omega
 
 
-@jit  # type: ignore[untyped-decorator]
+@jit
 def _turns(model: Array, tf: float, a1: float, a2: float, integrators: int, omega: float) -> float:
     """Whole turns about the origin that the loop gain's angle has made at a frequency [rad/s] where it crosses 1."""
     phase = math.atan2(a1 * omega, 1.0 - a2 * omega * omega) - omega * model[1] - integrators * math.pi / 2
     phase -= math.atan(model[2] * omega) + math.atan(model[3] * omega) + math.atan(tf * omega)
-    return math.floor((phase + math.pi) / (2.0 * math.pi))
+    return float(math.floor((phase + math.pi) / (2.0 * math.pi)))
 
 
-@jit  # type: ignore[untyped-decorator]
+@jit
 def least_distance(model: Array, integrators: int, settings: Array, series: bool, enough: float) -> float:
     """Least abs(1 + L), i.e. 1/Ms; 0 where the loop is unstable, anything below ``enough`` as soon as it is below.
 
@@ -119,7 +119,7 @@ def least_distance(model: Array, integrators: int, settings: Array, series: bool
     return 0.0
 
 
-@jit  # type: ignore[untyped-decorator]
+@jit
 def worst_distance(models: Array, integrators: int, settings: Array, series: bool) -> float:
     """Least abs(1 + L) of one controller over models (M, 4): 1/Ms of the worst, 0 where one is unstable."""
     least = 1.0
@@ -128,7 +128,7 @@ def worst_distance(models: Array, integrators: int, settings: Array, series: boo
     return least
 
 
-@jit  # type: ignore[untyped-decorator]
+@jit
 def first_safe(
     models: Array, integrators: int, candidates: Array, series: bool, ms_max: float
 ) -> NDArray[np.int64]:

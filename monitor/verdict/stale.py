@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor.contract.records import NOT_ASSESSED, LoopRow
-from tuners.models import FloatOrArray
+
+Seconds = float | NDArray[np.floating[Any]]
 
 STALE = "stale"
 """The flag."""
@@ -43,7 +44,7 @@ def patience_of_export(first: int, newest: int) -> Patience:
     return Patience(least, unknown=least)
 
 
-def is_stale(silence: FloatOrArray, period: FloatOrArray, patience: Patience) -> NDArray[np.bool_]:
+def is_stale(silence: Seconds, period: Seconds, patience: Patience) -> NDArray[np.bool_]:
     """Whether loops are stale.
 
     Parameters

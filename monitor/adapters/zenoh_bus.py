@@ -128,7 +128,7 @@ class Bus:
         self._declared: list[Any] = []
         self.inbox: Inbox[Message] = Inbox()
         self.questions: deque[Question] = deque(maxlen=1000)
-        self.unsaid = 0
+        self.publish_failed = 0
         """What Zenoh would not take."""
 
     def subscribe(self, keys: Sequence[str], arrival: Callable[[], int]) -> None:
@@ -168,7 +168,7 @@ class Bus:
         """Declare a liveliness token; it goes with the session."""
         self._declared.append(self._session.liveliness().declare_token(key))
 
-    def say(self, key: str, payload: bytes, encoding: str) -> None:
+    def publish(self, key: str, payload: bytes, encoding: str) -> None:
         """Publish under the prefix; a subscriber that does not take it loses it, we never wait.
 
         Raises
@@ -183,7 +183,7 @@ class Bus:
                 key, payload, encoding=encoding, congestion_control=zenoh.CongestionControl.DROP
             )
         except zenoh.ZError:
-            self.unsaid += 1
+            self.publish_failed += 1
 
     def close(self) -> None:
         """Undeclare everything and close the session, whatever state it is in."""

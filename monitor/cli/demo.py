@@ -42,6 +42,7 @@ def demo(
 
     from monitor.adapters.process import Stop
     from monitor.adapters.tables import write_tables
+    from monitor.cli.demo_show import DemoConsole
     from monitor.service.demo import Demo, run_demo
     from sim_plants.export import write_rows
     from sim_plants.truth import TRUTH_COLUMNS, loop_table, truth_rows
@@ -52,13 +53,15 @@ def demo(
             out.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise Refused(str(error)) from None
+    show = DemoConsole()
     with Stop() as stop, tempfile.TemporaryDirectory(prefix="loopsight-") as tables:
         write_rows(Path(tables) / "loops.csv", loop_table(loops))
         arguments = ["--scenario", scenario, "--seed", str(seed), "--speed", str(speed)]
         try:
-            assessments, rows = run_demo(Demo(Path(tables), arguments, seconds, view, save), stop)
+            assessments, rows = run_demo(Demo(Path(tables), arguments, seconds, view, save), show, stop)
         except (OSError, ChildProcessError) as error:
             raise Refused(str(error)) from None
+        show.summary(rows)
         if out is None:
             return
         try:

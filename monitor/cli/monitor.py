@@ -37,10 +37,14 @@ def monitor(
 
     Prints a line that begins with `ready` once it listens. SIGTERM or Ctrl-C: finishes what it holds, exit 0.
     """
+    import logging
+
     from monitor.adapters.process import Stop
     from monitor.service.config import load
     from monitor.service.run import run_monitor
 
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
+    logging.getLogger("loopsight").setLevel(logging.DEBUG if verbose else logging.INFO)
     with Stop() as stop:
         try:
             config = load(
@@ -51,6 +55,6 @@ def monitor(
                 state=state,
                 view=view,
             )
-            run_monitor(config, stop, save=save, verbose=verbose)
+            run_monitor(config, stop, click.echo, save)
         except (ValueError, OSError) as error:
             raise Refused(str(error)) from None

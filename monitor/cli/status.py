@@ -6,13 +6,16 @@ from typing import Any
 
 import click
 
+from monitor.contract.text import visible
+
 from .common import Command, Refused
 
-PATIENCE = 3.0
+ANSWER_WITHIN_S = 3.0
 """How long monitors may take to answer [s]."""
 REFUSED = (
     "bad_value", "bad_quality", "duplicate", "late", "future", "bad_time", "malformed", "too_large",
-    "unknown_loop", "missed_frames", "repeated_frames", "dropped", "crowded", "given_up", "unsaid",
+    "unknown_loop", "missed_frames", "repeated_frames", "dropped", "reorder_overflow", "records_lost",
+    "publish_failed",
 )  # fmt: skip
 
 
@@ -48,7 +51,7 @@ def ask_monitors(endpoint: str) -> list[dict[str, Any]]:
 
     session = open_session("client", connect=[endpoint])
     try:
-        replies = ask(session, keys.monitor_status("*"), PATIENCE)
+        replies = ask(session, keys.monitor_status("*"), ANSWER_WITHIN_S)
     finally:
         session.close()
     return [msgspec.json.decode(payload, type=dict[str, Any]) for _, payload in replies]
@@ -59,7 +62,7 @@ def show(answers: list[dict[str, Any]], as_json: bool) -> None:
     import msgspec
 
     for answer in answers:
-        print(msgspec.json.encode(answer).decode() if as_json else "\n".join(_lines(answer)))  # noqa: T201
+        click.echo(msgspec.json.encode(answer).decode() if as_json else "\n".join(_lines(answer)))
 
 
 def _lines(answer: dict[str, Any]) -> list[str]:
@@ -85,7 +88,7 @@ def _lines(answer: dict[str, Any]) -> list[str]:
     }
     for what, names in further.items():
         if names:
-            lines.append(f"  {what:<9} {', '.join(map(_plain, names))}")
+            lines.append(f"  {what:<9} {', '.join(map(visible, names))}")
     return lines
 
 
@@ -93,13 +96,9 @@ def _ready(answer: dict[str, Any]) -> str:
     if answer["ready"]:
         return "ready"
     why = {"store": "the store fails", "silent": "no loop sends"}
-    return f"NOT READY ({', '.join(why.get(w, _plain(w)) for w in answer.get('not_ready', ['store']))})"
+    return f"NOT READY ({', '.join(why.get(w, visible(w)) for w in answer.get('not_ready', ['store']))})"
 
 
 def _clocks(answer: dict[str, Any]) -> list[str]:
     steps = answer.get("clock_steps")
     return [*([f"{steps} set back"] if steps else []), *(f"{n} ahead" for n in answer.get("clock_ahead", []))]
-
-
-def _plain(text: str) -> str:
-    return "".join(c if c.isprintable() else "?" for c in text)

@@ -71,7 +71,7 @@ def given_time(text: str, zone: tzinfo = UTC) -> int:
         seconds = float(text)
     except ValueError:
         return min(max(instant(text, zone), -LATEST), LATEST)
-    if math.isnan(seconds):
+    if not math.isfinite(seconds):
         raise ValueError(f"{text!r} is no time")
     return round(min(max(seconds, -LATEST * 1e-9), LATEST * 1e-9) * 1e6) * 1000
 

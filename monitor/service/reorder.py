@@ -22,20 +22,20 @@ from monitor.compiled import jit
 from monitor.contract.entries import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_SP, UNKNOWN
 from monitor.contract.samples import QUALITY_UNCERTAIN, Samples
 
-HELD = 64
+HELD_ENTRIES = 64
 """Entries held for each loop (3 kB): 32 a second, 4 to a sample of tags."""
-WIDE = 4096
+WIDE_ENTRIES = 4096
 """Entries held for a loop that needs more (200 kB)."""
-MOST_WIDE = 1000
+WIDE_LOOPS = 1000
 """Such loops; of more the window is shorter than it should be, which is counted."""
-STEP_RUN, STEP_SECONDS = 5, 30.0
+STEP_SAMPLES, STEP_S = 5, 30.0
 """Good samples of a loop, one after the other and over this wall time [s], that are late: its clock was set back."""
 
 NEVER = np.iinfo(np.int64).min // 2
 """Before any time, and far enough from the end of the numbers to subtract a window."""
 DONE, NEEDS_ROOM, STEPPED = range(3)
-LATE, DUPLICATE, CONFLICT, CROWDED, STEPS = range(5)
-"""What is counted: ``DUPLICATE`` includes ``CONFLICT``; ``CROWDED`` are entries that had to go before their time."""
+LATE, DUPLICATE, CONFLICT, OVERFLOW, STEPS = range(5)
+"""What is counted: ``DUPLICATE`` includes ``CONFLICT``; ``OVERFLOW`` are entries that had to go before their time."""
 
 LOOP = np.dtype(
     [
@@ -65,7 +65,7 @@ LOOP = np.dtype(
 )
 
 
-class Order:
+class Reorder:
     """Holds back arrivals of all loops for the length of the window.
 
     Parameters
@@ -79,8 +79,8 @@ class Order:
     def __init__(self, loops: int, window: float = 2.0) -> None:
         self.window = round(window * 1e9)
         self.state = np.zeros(0, LOOP)
-        self.held = np.zeros((0, HELD + 1), ENTRY)
-        self.wide = np.zeros((0, WIDE + 1), ENTRY)
+        self.held = np.zeros((0, HELD_ENTRIES + 1), ENTRY)
+        self.wide = np.zeros((0, WIDE_ENTRIES + 1), ENTRY)
         self._wide_used = 0
         self._counts = np.zeros(5, np.int64)
         self.waiting = 0
@@ -105,9 +105,9 @@ class Order:
         return int(self._counts[CONFLICT])
 
     @property
-    def crowded(self) -> int:
+    def overflow(self) -> int:
         """Entries let go before the window's end, for want of room."""
-        return int(self._counts[CROWDED])
+        return int(self._counts[OVERFLOW])
 
     @property
     def steps(self) -> int:
@@ -119,7 +119,7 @@ class Order:
         if loops <= len(self.state):
             return
         state = _new(loops)
-        held = np.zeros((loops, HELD + 1), ENTRY)
+        held = np.zeros((loops, HELD_ENTRIES + 1), ENTRY)
         state[: len(self.state)], held[: len(self.held)] = self.state, self.held
         self.state, self.held = state, held
 
@@ -138,7 +138,7 @@ class Order:
         while at < len(entries):
             at, n, more, why = _push(
                 self.state, self.held, self.wide, entries, at, self.window, arrival, out, n,
-                self._counts, self._wide_used < MOST_WIDE,
+                self._counts, self._wide_used < WIDE_LOOPS,
             )  # fmt: skip
             self.waiting += more
             if why == NEEDS_ROOM:
@@ -152,8 +152,8 @@ class Order:
         """Give a loop that sends fast more room."""
         slot = self._wide_used
         if slot == len(self.wide):
-            self.wide = np.concatenate([self.wide, np.zeros((max(slot, 1), WIDE + 1), ENTRY)])
-        self.wide[slot, : HELD + 1] = self.held[loop]
+            self.wide = np.concatenate([self.wide, np.zeros((max(slot, 1), WIDE_ENTRIES + 1), ENTRY)])
+        self.wide[slot, : HELD_ENTRIES + 1] = self.held[loop]
         self.state[loop]["wide"] = slot
         self._wide_used += 1
 
@@ -208,7 +208,7 @@ def _push(state, held, wide, entries, at, window, arrival, out, n, counts, may_w
                 return k, n, more, STEPPED
             counts[LATE] += 1
             continue
-        if s.count >= HELD and s.wide < 0 and may_widen and _moves(rows[s.count - 1]):
+        if s.count >= HELD_ENTRIES and s.wide < 0 and may_widen and _moves(rows[s.count - 1]):
             return k, n, more, NEEDS_ROOM
         more -= s.count
         n = _take_in(s, rows, x, window, arrival, out, n, counts)
@@ -224,7 +224,7 @@ def _set_back(s, x, arrival):
     if s.run == 0:
         s.run_since, s.run_first = arrival, x.time
     s.run += 1
-    return s.run >= STEP_RUN and arrival - s.run_since >= STEP_SECONDS
+    return s.run >= STEP_SAMPLES and arrival - s.run_since >= STEP_S
 
 
 @jit
@@ -237,7 +237,7 @@ def _take_in(s, rows, x, window, arrival, out, n, counts):
     rows[j] = x
     s.count += 1
     if s.count >= len(rows):
-        counts[CROWDED] += 1
+        counts[OVERFLOW] += 1
         n = _make_room(s, rows, out, n, counts)
     # a rejected or bad sample never moves the window
     if _moves(x):

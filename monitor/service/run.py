@@ -1,11 +1,19 @@
-"""Driver of ``loopsight monitor``: opens what the service needs, runs it, closes it in order."""
+"""The one place where a monitor is put together: store, bus, service, view, opened in order and closed in reverse.
+
+`run_monitor` and the demo both run on it.
+"""
 
 from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from msgspec.structs import replace
 
 from monitor.adapters.loop_table import read_loop_table
 from monitor.adapters.process import Stop
@@ -13,13 +21,81 @@ from monitor.adapters.store import Store
 from monitor.adapters.zenoh_bus import DEFAULT_ENDPOINT, Bus, BusError, open_session
 from monitor.contract import keys
 from monitor.contract.loops import LoopTable
+from monitor.contract.records import Record
+from monitor.view.process import start_view
 
 from .config import Config
-from .service import Service, warm_up
+from .service import Service
+from .warm_up import warm_up
+
+log = logging.getLogger("loopsight")
+
+LOCAL = ("127.0.0.1", "localhost", "[::1]", "unixsock")
+"""In an endpoint that only this machine can reach."""
 
 
-def run_monitor(config: Config, stop: Stop, save: Path | None = None, verbose: bool = False) -> None:
-    """Run the service until ``stop`` is set.
+@dataclass(frozen=True)
+class Opened:
+    """A monitor whose store and session are open: what can be refused is refused by now. Nothing is heard yet."""
+
+    config: Config
+    loops: LoopTable
+    bus: Bus
+    store: Store
+    endpoint: str
+    """Where others find it."""
+    closing: ExitStack
+
+    @property
+    def where(self) -> str:
+        """What it listens on and is connected to, for a reader."""
+        return ", ".join([*_listen(self.config), *self.config.connect])
+
+    def start(self, heard: Callable[[Record], None] | None = None) -> Service:
+        """Hear and answer from now on; the caller ticks.
+
+        Raises
+        ------
+        OSError
+            A key expression is none, or what is kept cannot be read.
+        """
+        service = Service(
+            self.config,
+            self.loops,
+            self.bus,
+            self.store,
+            heard,
+            open_file=self.config.state_folder / "open.npz",
+        )
+        own = self.config.id
+        self.bus.subscribe(self.config.subscribe, time.time_ns)
+        self.bus.answer([keys.LOOPS, keys.of_monitor(own)])
+        self.bus.alive(keys.monitor_alive(own))
+        return service
+
+    def show(self, save: Path | None) -> str:
+        """Start the view that is configured, recording into ``save``; return its address, empty where it has none.
+
+        Raises
+        ------
+        OSError
+            The process cannot be started.
+        """
+        if self.config.view == "none" and save is None:
+            return ""
+        view = start_view(self.endpoint, self.config.view, save)
+        self.closing.callback(view.stop)
+        return view.url
+
+
+@contextmanager
+def opened(config: Config, spare: Sequence[str] = ()) -> Iterator[Opened]:
+    """Open what a monitor needs; all of it is closed at the end, however that comes.
+
+    Parameters
+    ----------
+    spare
+        Endpoints to listen on where the one of the configuration is taken, in turn.
 
     Raises
     ------
@@ -28,53 +104,61 @@ def run_monitor(config: Config, stop: Stop, save: Path | None = None, verbose: b
     ValueError
         The loop table is wrong; one line for each problem.
     """
-    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
-    logging.getLogger("loopsight").setLevel(logging.DEBUG if verbose else logging.INFO)
     loops = read_loop_table(config.loops) if config.loops else LoopTable([])
-    store = Store(config.state_folder)
-    listen = config.listen or ([] if config.connect else [DEFAULT_ENDPOINT])
-    try:
-        session = open_session("router" if listen else "client", connect=config.connect, listen=listen)
-    except BusError:
-        store.close()
-        raise
-    _warn_of_open_doors(listen)
-    bus, view = Bus(session), None
-    try:
+    with ExitStack() as closing:
+        store = Store(config.state_folder)
+        closing.callback(store.close)
+        session, config = _session(config, spare)
+        bus = Bus(session)
+        closing.callback(bus.close)
+        endpoint = (_listen(config) or config.connect)[0]
+        yield Opened(config, loops, bus, store, endpoint, closing)
+
+
+def run_monitor(config: Config, stop: Stop, say: Callable[[str], None], save: Path | None = None) -> None:
+    """Run the service until ``stop`` is set.
+
+    Parameters
+    ----------
+    say
+        Called with lines for the user: one that begins with ``ready`` once it listens, one with the view's address.
+    save
+        Record the view into this file.
+
+    Raises
+    ------
+    OSError, ValueError
+        As of `opened`.
+    """
+    with opened(config) as monitor:
         with stop.breaking_off():  # nothing is held yet: a compiler that has just begun need not end its work
             warm_up()
         if stop.is_set():
             return
-        service = Service(config, loops, bus, store, open_file=config.state_folder / "open.npz")
-        bus.subscribe(config.subscribe, time.time_ns)
-        bus.answer([keys.LOOPS, keys.of_monitor(config.id)])
-        bus.alive(keys.monitor_alive(config.id))
-        where = ", ".join([*listen, *config.connect])
-        print(f"ready {where}: {len(loops) or 'all'} loops on {', '.join(config.subscribe)}", flush=True)  # noqa: T201 (the contract's line)
-        view = _view(config, (listen or config.connect)[0], save)
+        service = monitor.start()
+        say(f"ready {monitor.where}: {len(monitor.loops) or 'all'} loops on {', '.join(config.subscribe)}")
+        address = monitor.show(save)
+        if address:
+            say(f"view {address}")
         service.run(stop)
-    finally:
-        if view is not None:
-            view.stop()
-        bus.close()
-        store.close()
 
 
-def _view(config: Config, endpoint: str, save: Path | None) -> Any:
-    if config.view == "none" and save is None:
-        return None
-    from monitor.view.process import start_view  # noqa: PLC0415 (only where a picture is wanted)
-
-    view = start_view(endpoint, config.view, save)
-    if view.url:
-        print(f"view {view.url}", flush=True)  # noqa: T201
-    return view
+def _listen(config: Config) -> list[str]:
+    """Return where a monitor listens: nowhere by default if it has something to connect to."""
+    return config.listen or ([] if config.connect else [DEFAULT_ENDPOINT])
 
 
-def _warn_of_open_doors(listen: list[str]) -> None:
-    """Warn where others than this machine can connect."""
-    for endpoint in listen:
-        if not any(local in endpoint for local in ("127.0.0.1", "localhost", "[::1]", "unixsock")):
-            logging.getLogger("loopsight").warning(
-                "%s is open to the network: use TLS and access control, see config/", endpoint
-            )
+def _session(config: Config, spare: Sequence[str]) -> tuple[Any, Config]:
+    """Open the session, on a spare endpoint where the first is taken; return it with the configuration that holds."""
+    for listen in (_listen(config), *([endpoint] for endpoint in spare)):
+        try:
+            session = open_session("router" if listen else "client", connect=config.connect, listen=listen)
+        except BusError:
+            if not spare or listen == [spare[-1]]:
+                raise
+            continue
+        for endpoint in listen:
+            if not any(local in endpoint for local in LOCAL):
+                log.warning("%s is open to the network: use TLS and access control, see config/", endpoint)
+        return session, replace(config, listen=listen)
+    raise AssertionError

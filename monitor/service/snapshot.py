@@ -21,7 +21,7 @@ from monitor.adapters.files import write_bytes
 from monitor.contract.records import event_id
 from monitor.engine import Engine
 
-from .reorder import HELD, Order
+from .reorder import HELD_ENTRIES, Reorder
 
 log = logging.getLogger("loopsight")
 
@@ -44,13 +44,13 @@ class OpenEvents:
         self.path = path
         self._any = True
 
-    def keep(self, engine: Engine, order: Order, now: int) -> None:
+    def keep(self, engine: Engine, reorder: Reorder, now: int) -> None:
         """Write the state of loops with an open event, once more when there is none left; ``now`` [ns since 1970]."""
         any_open = len(engine.open_rows()) > 0
         if self.path is None or not (any_open or self._any):
             return
         try:
-            write(self.path, take(engine, order, now))
+            write(self.path, take(engine, reorder, now))
         except OSError as error:
             log.debug("%s: %s", self.path, error)  # that the disk fails is said by the store
             return
@@ -59,7 +59,7 @@ class OpenEvents:
     def take_up(
         self,
         engine: Engine,
-        order: Order,
+        reorder: Reorder,
         row_of: Callable[[str, str], int],
         is_over: Callable[[str], bool],
         now: int,
@@ -85,14 +85,14 @@ class OpenEvents:
             [row_of(str(n), str(k)) for n, k in zip(found.names, found.keys, strict=True)], np.int64
         )
         engine.follow()
-        order.grow(len(engine.loops))
-        if not fits(found, engine, order):
+        reorder.grow(len(engine.loops))
+        if not fits(found, engine, reorder):
             log.warning("open events of the last run are another version's; they are not taken up again")
             return set()
         onsets = found.arrays["onset"]
         ids = [event_id(str(n), int(onset)) for n, onset in zip(found.names, onsets, strict=True)]
         rows[[is_over(identity) for identity in ids]] = -1
-        put_back(found, rows, engine, order, arrival)
+        put_back(found, rows, engine, reorder, arrival)
         going_on = {identity for identity, row in zip(ids, rows, strict=True) if row >= 0}
         log.warning(
             "%d open events are taken up again after %.0f s", len(going_on), (now - found.time) * 1e-9
@@ -112,10 +112,10 @@ class Snapshot:
     version: int = VERSION
 
 
-def take(engine: Engine, order: Order, now: int) -> Snapshot:
+def take(engine: Engine, reorder: Reorder, now: int) -> Snapshot:
     """Copy what is known of the loops with an open event."""
     rows = engine.open_rows()[:MOST]
-    arrays = {**engine.known(rows), "order": order.state[rows], "held": order.held[rows]}
+    arrays = {**engine.known(rows), "order": reorder.state[rows], "held": reorder.held[rows]}
     names, keys = (np.array([getattr(engine.loops[k], n) for k in rows], np.str_) for n in ("name", "key"))
     return Snapshot(names, keys, now, arrays)
 
@@ -149,10 +149,10 @@ def read(path: Path) -> Snapshot | None:
     return Snapshot(names, keys, time, arrays, version)
 
 
-def fits(snapshot: Snapshot, engine: Engine, order: Order) -> bool:
+def fits(snapshot: Snapshot, engine: Engine, reorder: Reorder) -> bool:
     """Whether a snapshot's layout is that of this version."""
     arrays, n = snapshot.arrays, len(snapshot.names)
-    expected = {**engine.known(np.zeros(0, np.intp)), "order": order.state, "held": order.held}
+    expected = {**engine.known(np.zeros(0, np.intp)), "order": reorder.state, "held": reorder.held}
     return snapshot.version == VERSION and all(
         name in arrays and arrays[name].dtype == array.dtype and arrays[name].shape == (n, *array.shape[1:])
         for name, array in expected.items()
@@ -160,7 +160,7 @@ def fits(snapshot: Snapshot, engine: Engine, order: Order) -> bool:
 
 
 def put_back(
-    snapshot: Snapshot, rows: NDArray[np.int64], engine: Engine, order: Order, arrival: float
+    snapshot: Snapshot, rows: NDArray[np.int64], engine: Engine, reorder: Reorder, arrival: float
 ) -> None:
     """Take up the loops of a snapshot that fits again, as ``rows`` of the table.
 
@@ -175,13 +175,15 @@ def put_back(
     for k in np.flatnonzero(rows >= 0):
         row = int(rows[k])
         engine.adopt(row, {name: array[k] for name, array in arrays.items()})
-        _order_back(order, row, arrays["order"][k], arrays["held"][k], arrival)
+        _order_back(reorder, row, arrays["order"][k], arrays["held"][k], arrival)
 
 
-def _order_back(order: Order, row: int, state: Any, held: NDArray[Any], arrival: float) -> None:
+def _order_back(reorder: Reorder, row: int, state: Any, held: NDArray[Any], arrival: float) -> None:
     """Put one loop's order back; clocks of this process count from another start."""
-    if state["wide"] >= 0 or not 0 <= state["count"] <= HELD:  # held elsewhere: two seconds of a fast loop
+    if (
+        state["wide"] >= 0 or not 0 <= state["count"] <= HELD_ENTRIES
+    ):  # held elsewhere: two seconds of a fast loop
         state["count"] = 0
     state["wide"], state["run"], state["arrival"] = -1, 0, arrival
-    order.state[row], order.held[row] = state, held
-    order.waiting += int(state["count"])
+    reorder.state[row], reorder.held[row] = state, held
+    reorder.waiting += int(state["count"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from monitor.contract.records import GOOD
-from monitor.service.service import warm_up
+from monitor.service.warm_up import warm_up
 from tests.bad_data.harness import Outcome, both, good
 
 

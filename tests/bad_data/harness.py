@@ -238,7 +238,7 @@ class Live:
 
     def status(self) -> dict[str, Any]:
         """What the monitor says of itself."""
-        return self.service.status()
+        return dict(msgspec.to_builtins(self.service.status()))
 
     def outcome(self, *, finish: bool = True) -> Outcome:
         """What was found; ends the service first."""

@@ -171,7 +171,7 @@ def test_a_failing_disk_stops_nothing(
     monitor.close()
     same(found, clean)
     assert kept == 1
-    assert found.about["given_up"] == 0
+    assert found.about["records_lost"] == 0
 
 
 def test_other_units_of_the_whole_record(clean: Outcome, tmp_path: Path) -> None:
@@ -298,7 +298,7 @@ def month(folder: Path, loops: int, stepping: int, minutes: int, days: int = 30)
     assert used == seen
     assert min(status[n] for n in ("bad_value", "bad_quality", "duplicate", "late", "unknown_loop")) > 0
     assert status["malformed"] == days
-    assert status["dropped"] == status["given_up"] == status["backlog"] == 0
+    assert status["dropped"] == status["records_lost"] == status["backlog"] == 0
     found = monitor.store.counts()["assessment"]
     assert found > 0.9 * stepping * days
     assert (open_files(), threading.active_count()) == begun

@@ -29,8 +29,9 @@ from monitor.adapters.zenoh_bus import Bus, open_session, plant_put
 from monitor.contract.entries import Message
 from monitor.contract.loops import Loop, LoopTable
 from monitor.engine import Engine
-from monitor.service.reorder import Order
-from monitor.service.service import Service, warm_up
+from monitor.service.reorder import Reorder
+from monitor.service.service import Service
+from monitor.service.warm_up import warm_up
 from monitor.wire.decode import Decoder, _Sample
 from sim_plants.loops import Block
 from sim_plants.payloads import encode_frame, encode_sample, iso_times, name_array
@@ -106,7 +107,7 @@ class Chain:
     def __init__(self, loops: int) -> None:
         self.table = LoopTable([Loop(name=f"L{k}", kp=1.0, ti=10.0) for k in range(loops)])
         self.inbox, self.decoder = Inbox(), Decoder(self.table)
-        self.order, self.engine = Order(loops), Engine(self.table)
+        self.reorder, self.engine = Reorder(loops), Engine(self.table)
         self.stage = dict.fromkeys(("ring", "decode", "order", "engine"), 0.0)
 
     def step(self) -> None:
@@ -116,7 +117,7 @@ class Chain:
         t.append(time.perf_counter())
         entries = self.decoder.decode(messages, LATER)
         t.append(time.perf_counter())
-        samples = self.order.push(entries, t[0])
+        samples = self.reorder.push(entries, t[0])
         t.append(time.perf_counter())
         self.engine.step(samples)
         t.append(time.perf_counter())
@@ -148,7 +149,7 @@ def in_process(name: str, seconds: list[list[Message]], loops: int) -> float:
                 chain.step()
         rates["chain"].append(samples / (time.perf_counter() - began))
         stage = chain.stage
-        assert chain.engine.counts()["ok"] + chain.order.waiting == samples
+        assert chain.engine.counts()["ok"] + chain.reorder.waiting == samples
     best = {k: max(v) for k, v in rates.items()}
     ratio = best["chain"] / best["floor"]
     share = {k: f"{v / sum(stage.values()):.0%}" for k, v in stage.items()}
@@ -209,7 +210,7 @@ def over_zenoh(kind: str, loops: int, seconds: int) -> float:
 
                 def work(messages: list[Message], chain: Chain = chain) -> None:
                     entries = chain.decoder.decode(messages, LATER)
-                    chain.engine.step(chain.order.push(entries, 0.0))
+                    chain.engine.step(chain.reorder.push(entries, 0.0))
 
             first, n = 0.0, 0
             child.stdin.write("\n")

@@ -50,21 +50,21 @@ def _matches(wanted: list[str], key: list[str]) -> bool:
 class FakeBus:
     """An inbox to fill, questions to ask, and all that was said, in order.
 
-    ``on_say`` is told of each record first, and may raise as a network does; ``keep`` false forgets what was said.
+    ``on_publish`` is told of each record first, and may raise as a network does; ``keep`` false forgets what was said.
     """
 
     def __init__(self, *, keep: bool = True) -> None:
         self.inbox: Inbox[Message] = Inbox()
         self.questions: deque[Any] = deque()
         self.said: list[tuple[str, bytes, str]] = []
-        self.on_say: Callable[[str, bytes], None] | None = None
-        self.unsaid = 0
+        self.on_publish: Callable[[str, bytes], None] | None = None
+        self.publish_failed = 0
         self._keep = keep
 
-    def say(self, key: str, payload: bytes, encoding: str) -> None:
+    def publish(self, key: str, payload: bytes, encoding: str) -> None:
         """Note what is published."""
-        if self.on_say is not None:
-            self.on_say(key, payload)
+        if self.on_publish is not None:
+            self.on_publish(key, payload)
         if self._keep:
             self.said.append((key, payload, encoding))
 

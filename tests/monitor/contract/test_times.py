@@ -42,12 +42,12 @@ def test_a_time_without_zone_is_read_in_the_one_that_is_named():
 
 
 def test_a_given_time_that_nanoseconds_cannot_hold_is_the_last_that_they_can():
-    assert given_time("9999-01-01") == given_time("1e300") == given_time("inf") == LATEST
-    assert given_time("0001-01-01") == given_time("-inf") == -LATEST
+    assert given_time("9999-01-01") == given_time("1e300") == LATEST
+    assert given_time("0001-01-01") == -LATEST
     assert given_time(" 2.5 ") == 2_500_000_000
 
 
-@pytest.mark.parametrize("text", ["nan", "", "yesterday", "2026-13-01"])
+@pytest.mark.parametrize("text", ["nan", "inf", "", "yesterday", "2026-13-01"])
 def test_what_is_no_time(text):
     with pytest.raises(ValueError, match=r"."):
         given_time(text)

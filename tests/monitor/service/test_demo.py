@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
+import re
 import signal
 import subprocess
+from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
 
+from tests.monitor.cli.tools import run
 from tests.monitor.service.tools import command
 from tests.support.processes import children, gone
 from tests.support.waiting import PATIENCE, until
@@ -180,3 +184,28 @@ def test_however_it_ends_the_plant_ends_too(number):
     assert code == (-signal.SIGKILL if number == signal.SIGKILL else 0)
     until(lambda: all(gone(p) for p in plants))
     started.stdout.close()
+
+
+def test_status_beside_a_running_demo():
+    """`loopsight status` shows the demo and its loops, wherever it listens."""
+    started = subprocess.Popen(
+        command("--seconds", "100000"), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
+    assert started.stdout is not None
+    try:
+        ready = next(line for line in started.stdout if "ready" in line)
+        endpoint, loops = re.findall(r"tcp/\S+", ready)[0], int(re.findall(r"(\d+) loops", ready)[0])
+
+        def health() -> dict[str, Any]:
+            done = run("status", "--json", "--connect", endpoint)
+            return dict(json.loads(done.stdout)) if done.returncode == 0 else {}
+
+        answer = until(lambda: found if (found := health()).get("samples_ok") else None)
+        assert (answer["id"], answer["ready"]) == ("demo", True)
+        assert answer["loops"]["total"] == loops > 5
+        assert "monitor demo: ready, up " in run("status", "--connect", endpoint).stdout
+    finally:
+        started.send_signal(signal.SIGTERM)
+        started.stdout.read()
+        started.stdout.close()
+    assert started.wait(PATIENCE) == 0

@@ -1,4 +1,4 @@
-"""Order: late arrivals sorted in, tags put together, against a naive twin in plain Python."""
+"""Reorder: late arrivals sorted in, tags put together, against a naive twin in plain Python."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from monitor.contract.entries import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_PV, TAG_SP, UNKNOWN
 from monitor.contract.samples import QUALITY_UNCERTAIN, Samples, join
-from monitor.service.reorder import HELD, Order
+from monitor.service.reorder import HELD_ENTRIES, Reorder
 
 SECOND = 10**9
 T0 = 1_795_341_600 * SECOND
@@ -39,7 +39,7 @@ def rows_of(samples: Samples) -> list[tuple]:
     ]
 
 
-def through(order: Order, batches, arrival=0.0) -> list[tuple]:
+def through(order: Reorder, batches, arrival=0.0) -> list[tuple]:
     """All samples that come out, the held ones at the end."""
     out = [order.push(batch, arrival) for batch in batches]
     return rows_of(join([*out, order.release(math.inf)]))
@@ -119,7 +119,7 @@ def arrivals_within(draw, window=2.0, most=50):
 def test_any_order_within_the_window_is_the_sorted_one(drawn):
     """However the arrivals are disturbed within the window and batched, out comes what sorting them gives."""
     arrived, cuts = drawn
-    order = Order(3)
+    order = Reorder(3)
     got = by_loop(through(order, np.split(arrived, cuts)))
     twin = Twin()
     assert got == by_loop(twin.run(arrived))
@@ -135,7 +135,7 @@ def test_every_sample_comes_out_or_is_counted(drawn, seed):
     arrived, cuts = drawn
     arrived = arrived[(arrived["kind"] == SAMPLE) | (arrived["kind"] == TAG_PV)]
     arrived = np.random.default_rng(seed).permutation(arrived)
-    order = Order(3, window=0.5)
+    order = Reorder(3, window=0.5)
     got = through(order, np.split(arrived, cuts))
     assert len(got) + order.late + order.duplicate == len(arrived)
     for loop in range(3):
@@ -148,7 +148,7 @@ def test_every_sample_comes_out_or_is_counted(drawn, seed):
 
 def test_what_is_later_than_the_window_is_counted_and_dropped():
     """The window closes 2 s behind the newest: its edge is in, beyond it is late."""
-    order = Order(1)
+    order = Reorder(1)
     got = through(order, [entries(entry(10), entry(8), entry(7.999), entry(9))])
     assert times(got) == [8, 9, 10]
     assert order.late == 1
@@ -156,7 +156,7 @@ def test_what_is_later_than_the_window_is_counted_and_dropped():
 
 def test_what_is_older_than_a_released_one_is_late():
     """Time never runs backwards at the exit, even after a release by the clock."""
-    order = Order(1)
+    order = Reorder(1)
     order.push(entries(entry(10)), 0.0)
     assert times(rows_of(order.release(0.0))) == [10]
     assert times(through(order, [entries(entry(9.5), entry(10.5))])) == [10.5]
@@ -176,10 +176,10 @@ def test_what_is_older_than_a_released_one_is_late():
         pytest.param({"kind": TAG_PV, "quality": 0}, id="bad-tag"),
     ],
 )
-@pytest.mark.parametrize("times_over", [1, HELD + 10])
+@pytest.mark.parametrize("times_over", [1, HELD_ENTRIES + 10])
 def test_a_bad_entry_never_moves_the_window(bad, times_over):
     """Bad entries half a minute ahead, few or more than are held: the good ones behind them are not late."""
-    order = Order(1)
+    order = Reorder(1)
     ahead = [entry(30 + 0.1 * k, **bad) for k in range(times_over)]
     good = [entry(t) for t in (1, 2, 3, 2.5, 4)]
     got = order.push(entries(entry(0), *ahead), 0.0)
@@ -193,7 +193,7 @@ def test_a_bad_entry_never_moves_the_window(bad, times_over):
 
 def test_bad_entries_let_go_by_the_clock_do_not_make_good_ones_late():
     """A loop that has sent only bad samples for a while takes the next good one, wherever its time lies."""
-    order = Order(1)
+    order = Reorder(1)
     order.push(entries(entry(0)), 0.0)
     order.push(entries(*(entry(t, pv=NAN) for t in range(1, 50))), 10.0)
     order.release(10.0)
@@ -210,38 +210,38 @@ def test_a_fast_loop_has_the_room_that_its_window_needs(rate):
     delay = np.random.default_rng(rate).uniform(0, 1.99, len(rows))
     order = np.argsort([(r[0] - T0) / SECOND + d for r, d in zip(rows, delay, strict=True)])
     arrived = entries(*(rows[k] for k in order))
-    o = Order(2)
+    o = Reorder(2)
     got = through(o, np.array_split(arrived, 7))
     assert [r[3] for r in got] == list(range(n))
     assert all(r[2] == r[4] == r[3] for r in got if len(kinds) > 1)
-    assert (o.late, o.crowded, o.waiting) == (0, 0, 0)
+    assert (o.late, o.overflow, o.waiting) == (0, 0, 0)
     assert len(through(o, [entries(entry(1, loop=1))])) == 1
 
 
 def test_more_than_there_is_room_for_shortens_the_window_and_is_counted(monkeypatch):
     """Faster than any room, or too many such loops: all in order go through, and what had to go early is counted."""
-    monkeypatch.setattr("monitor.service.reorder.MOST_WIDE", 0)
-    order = Order(1)
+    monkeypatch.setattr("monitor.service.reorder.WIDE_LOOPS", 0)
+    order = Reorder(1)
     fast = entries(*(entry(0.01 * k) for k in range(300)))
     got = through(order, [fast[k : k + 7] for k in range(0, 300, 7)])
     assert times(got) == sorted(times(got))
     assert len(got) == 300
     assert order.late == 0
-    assert order.crowded > 0
-    order = Order(1)
+    assert order.overflow > 0
+    order = Reorder(1)
     got = through(order, [entries(entry(0.5), *fast[::-1].tolist())])
     assert len(got) + order.late + order.duplicate == 301
-    assert order.crowded > 0
+    assert order.overflow > 0
 
 
 def test_an_old_one_into_a_full_house_stays_in_order(monkeypatch):
     """With all room taken an entry older than all of it goes out first."""
-    monkeypatch.setattr("monitor.service.reorder.MOST_WIDE", 0)
-    order = Order(1)
-    full = entries(*(entry(1.0 + 0.01 * k) for k in range(HELD)))
+    monkeypatch.setattr("monitor.service.reorder.WIDE_LOOPS", 0)
+    order = Reorder(1)
+    full = entries(*(entry(1.0 + 0.01 * k) for k in range(HELD_ENTRIES)))
     first = order.push(full, 0.0)
     got = rows_of(join([first, order.push(entries(entry(0.5)), 0.0), order.release(0.0)]))
-    assert len(got) == HELD + 1
+    assert len(got) == HELD_ENTRIES + 1
     assert times(got) == sorted(times(got))
 
 
@@ -251,7 +251,7 @@ def test_an_old_one_into_a_full_house_stays_in_order(monkeypatch):
 
 def test_a_sample_is_made_at_each_pv_of_the_latest_others():
     """SP, OP and mode at or before the PV's time, held without limit; one at the same time counts."""
-    order = Order(1)
+    order = Reorder(1)
     got = through(
         order,
         [
@@ -272,7 +272,7 @@ def test_a_sample_is_made_at_each_pv_of_the_latest_others():
 
 def test_a_bad_tag_leaves_the_last_good_one():
     """Bad quality, no value, a mode that could not be read: what was known holds."""
-    order = Order(1)
+    order = Reorder(1)
     got = through(
         order,
         [
@@ -288,11 +288,11 @@ def test_a_bad_tag_leaves_the_last_good_one():
 
 def test_of_equal_times_the_first_is_kept():
     """Two set points or samples at one instant: the first to come, be it good or bad; differences are counted."""
-    order = Order(1)
+    order = Reorder(1)
     got = through(order, [entries(entry(0, TAG_SP, sp=1.0), entry(0, TAG_SP, sp=2.0), entry(0, TAG_PV))])
     assert got[0][2] == 1.0
     for first in (1.0, NAN):
-        order = Order(1)
+        order = Reorder(1)
         got = through(
             order, [entries(entry(0, pv=first), entry(0, pv=2.0), entry(0, pv=first)), entries(entry(1))]
         )
@@ -303,7 +303,7 @@ def test_of_equal_times_the_first_is_kept():
 
 def test_a_repeat_of_what_has_gone_out_is_dropped():
     """The clock let go of a sample, and then it comes again."""
-    order = Order(1)
+    order = Reorder(1)
     order.push(entries(entry(0, pv=NAN), entry(1)), 0.0)
     assert times(rows_of(order.release(0.0))) == [0, 1]
     assert times(through(order, [entries(entry(1), entry(1, pv=7.0), entry(2))])) == [2]
@@ -316,7 +316,7 @@ def test_a_repeat_of_what_has_gone_out_is_dropped():
 
 def test_a_clock_that_is_set_back_is_followed_after_a_while():
     """An hour back: late for half a minute, then taken as it is; what was held goes out first, and it is said when."""
-    order = Order(1)
+    order = Reorder(1)
     out = [order.push(entries(entry(3600 + k)), k) for k in range(10)]
     found = []
     for k in range(60):
@@ -331,7 +331,7 @@ def test_a_clock_that_is_set_back_is_followed_after_a_while():
 
 def test_tags_follow_a_clock_that_is_set_back():
     """The set point's earlier times hold again."""
-    order = Order(1)
+    order = Reorder(1)
     order.push(entries(entry(3600, TAG_SP, sp=1.0), entry(3600, TAG_OP, op=1.0), entry(3600, TAG_PV)), 0.0)
     out = []
     for k in range(50):
@@ -344,7 +344,7 @@ def test_tags_follow_a_clock_that_is_set_back():
 
 def test_a_replayed_batch_and_stragglers_are_late():
     """Old ones in a burst, or between those of today, never turn time back; bad ones do not count for it."""
-    order = Order(1)
+    order = Reorder(1)
     order.push(entries(entry(3600)), 0.0)
     order.push(entries(*(entry(k) for k in range(1000))), 20.0)
     order.push(entries(entry(3630)), 30.0)
@@ -360,7 +360,7 @@ def test_a_replayed_batch_and_stragglers_are_late():
 
 def test_a_late_set_point_holds_from_then_on():
     """A set point that last changed hours ago and arrives after the first PV is not lost; an older one is."""
-    order = Order(1)
+    order = Reorder(1)
     got = through(
         order,
         [
@@ -378,7 +378,7 @@ def test_a_late_set_point_holds_from_then_on():
 
 def test_release_by_the_clock_lets_go_of_idle_loops_only():
     """A loop with something newer since then keeps what it holds."""
-    order = Order(2)
+    order = Reorder(2)
     order.push(entries(entry(0, loop=0)), 100.0)
     order.push(entries(entry(0, loop=1)), 101.5)
     assert [r[0] for r in rows_of(order.release(100.0))] == [0]
@@ -388,7 +388,7 @@ def test_release_by_the_clock_lets_go_of_idle_loops_only():
 
 def test_grow_keeps_what_is_held():
     """More loops, and later; fewer is nothing."""
-    order = Order(1)
+    order = Reorder(1)
     order.push(entries(entry(0, TAG_SP, sp=5.0), entry(0, TAG_PV)), 0.0)
     order.grow(3)
     order.grow(2)
@@ -399,7 +399,7 @@ def test_grow_keeps_what_is_held():
 
 def test_loops_have_windows_of_their_own():
     """A loop whose clock is ahead makes none of another's samples late."""
-    order = Order(2)
+    order = Reorder(2)
     got = through(
         order, [entries(entry(1000, loop=0), entry(1, loop=1), entry(999, loop=0), entry(0.5, loop=1))]
     )

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from monitor.adapters.loop_table import read_loop_table
-from monitor.adapters.store import Store
+from monitor.adapters.store import Store, StoreError
 from monitor.adapters.zenoh_bus import Bus, BusError, ask, open_session, plant_put
 from monitor.contract.loop_fields import parse_row
 from monitor.contract.loops import LoopTable
@@ -27,7 +27,8 @@ from monitor.contract.records import Assessment
 from monitor.contract.samples import Samples
 from monitor.engine import Engine
 from monitor.service.config import Config
-from monitor.service.service import Service, warm_up
+from monitor.service.run import opened
+from monitor.service.service import Service
 from sim_plants.export import write_rows
 from sim_plants.loops import Simulation
 from sim_plants.publish import Publisher
@@ -115,7 +116,7 @@ def test_live_over_zenoh_equals_batch(plant, expected, endpoint, tmp_path, paylo
         sender.close()
         bus.close()
         store.close()
-    assert (status["samples_ok"], status["late"], status["dropped"]) == (len(block), 0, 0)
+    assert (status.samples_ok, status.late, status.dropped) == (len(block), 0, 0)
     assert by_loop(records) == expected
 
 
@@ -449,12 +450,31 @@ def test_a_monitor_that_was_frozen_goes_on(plant, start, client):
     assert monitor.end() == 0
 
 
-def test_warm_up_compiles_everything():
-    """After it the first step of a loop does not wait for a compiler."""
-    warm_up()
-    began = time.thread_time()
-    warm_up()
-    assert time.thread_time() - began < 5.0
+def test_another_endpoint_where_the_first_is_taken(endpoint, tmp_path):
+    """A monitor that may choose listens on a spare one, and answers there; all is closed behind it."""
+    spare = f"tcp/127.0.0.1:{free_port()}"
+    session = open_session("router", listen=[endpoint])
+    config = Config(id="x", listen=[endpoint], state=str(tmp_path))
+    try:
+        with pytest.raises(BusError, match=endpoint), opened(config):
+            pass
+        with opened(config, [endpoint, spare]) as monitor:
+            assert monitor.endpoint == monitor.where == spare
+            service = monitor.start()
+            client = open_session("client", connect=[spare])
+            found: list[Any] = []
+            try:
+                client.get("loopsight/@/*/status", found.append)
+                until(lambda: service.tick() < 0 or found)
+            finally:
+                client.close()
+            assert json.loads(found[0].ok.payload.to_bytes())["id"] == "x"
+            with pytest.raises(StoreError):
+                Store(tmp_path)
+        Store(tmp_path).close()
+        open_session("router", listen=[spare]).close()
+    finally:
+        session.close()
 
 
 def test_a_bus_without_a_router():

@@ -86,7 +86,7 @@ def test_killed_and_back_before_a_gap(tmp_path):
     for at in (211, 215, 221):
         first = Run(tmp_path / str(at))
         first.feed(range(at))
-        first.service._open.keep(first.service.engine, first.service.order, first.now)
+        first.service._open.keep(first.service.engine, first.service.reorder, first.now)
         first.kill()
         second = Run(tmp_path / str(at))
         second.feed(range(at, N))
@@ -124,7 +124,7 @@ def test_told_to_stop_leaves_nothing_open(tmp_path):
     assert found is None or not len(found.names)
     second = Run(tmp_path)
     assert not second.service._left_open
-    assert second.service.status()["loops"]["open"] == 0
+    assert second.service.status().loops.open == 0
     second.kill()
 
 
@@ -135,7 +135,7 @@ def test_loops_that_registered_themselves_are_there_again(tmp_path):
     first.kill()
     second = Run(tmp_path, ())
     assert sorted(loop.name for loop in second.loops) == ["A", "B"]
-    assert second.service.status()["loops"]["open"] == 2
+    assert second.service.status().loops.open == 2
     second.kill()
 
 
@@ -176,7 +176,7 @@ def test_a_damaged_file_is_left_alone(tmp_path, damage, caplog):
     second = Run(tmp_path)
     assert "not taken up again" in caplog.text
     second.feed(range(300, 305))
-    assert second.service.status()["loops"]["open"] == 0
+    assert second.service.status().loops.open == 0
     second.kill()
 
 
@@ -200,7 +200,7 @@ def test_an_upset_of_the_whole_plant_is_bounded(tmp_path):
     names = tuple(f"L{k}" for k in range(MOST + 20))
     run = Run(tmp_path, names)
     run.feed(range(180, 206), names)
-    assert run.service.status()["loops"]["open"] == MOST + 20
-    kept = take(run.service.engine, run.service.order, run.now)
+    assert run.service.status().loops.open == MOST + 20
+    kept = take(run.service.engine, run.service.reorder, run.now)
     assert len(kept.names) == MOST
     run.kill()

@@ -1,0 +1,61 @@
+"""What the service needs of a bus: it is told, asked, and publishes. Plain enough that a test brings its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+from monitor.adapters.inbox import Inbox
+from monitor.contract.entries import Message
+
+Reply = tuple[str, bytes, str]
+"""Key, payload, encoding."""
+
+
+class Question(Protocol):
+    """A query that waits for its answer."""
+
+    @property
+    def key(self) -> str:
+        """The key expression that is asked for."""
+
+    @property
+    def parameters(self) -> Mapping[str, str]:
+        """What stands behind its question mark."""
+
+    def matches(self, key: str) -> bool:
+        """Whether this key is asked for."""
+
+    def answer(self, replies: Sequence[Reply]) -> None:
+        """Reply, and end the query."""
+
+    def refuse(self, why: str) -> None:
+        """Reply with an error, one line."""
+
+
+class Questions(Protocol):
+    """Queries that wait, e.g. a deque of them."""
+
+    def __len__(self) -> int: ...
+
+    def popleft(self) -> Question:
+        """Take the one that has waited longest."""
+
+
+class Bus(Protocol):
+    """Brings messages and questions from its own threads; publishes from ours."""
+
+    @property
+    def inbox(self) -> Inbox[Message]:
+        """What has come in."""
+
+    @property
+    def questions(self) -> Questions:
+        """What was asked."""
+
+    @property
+    def publish_failed(self) -> int:
+        """Records that it would not take."""
+
+    def publish(self, key: str, payload: bytes, encoding: str) -> None:
+        """Publish a record."""

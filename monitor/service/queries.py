@@ -1,0 +1,129 @@
+"""What is asked and answered: stored assessments and their evidence, loops as they stand, the monitor's health."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from monitor.adapters.store import Store, StoreError
+from monitor.contract import keys
+from monitor.contract.records import LoopRow
+from monitor.contract.times import given_time
+from monitor.engine import Engine
+from monitor.wire.encode import FRAME_MIME, JSON_MIME, encode_record
+
+from .bus import Question, Questions, Reply
+
+ANSWER_RECORDS = 10_000
+"""That answer one query, at most."""
+DEFAULT_RECORDS = 1000
+"""Of each loop, where a query names no limit."""
+
+
+class Queries:
+    """Answers questions.
+
+    Parameters
+    ----------
+    monitor
+        Name of this monitor in its own keys.
+    engine, store
+        What is known, of this run and of earlier ones.
+    row
+        A loop's current row.
+    status
+        The monitor's health, encoded.
+
+    Raises
+    ------
+    StoreError
+        The rows of earlier runs cannot be read.
+    """
+
+    def __init__(
+        self,
+        monitor: str,
+        engine: Engine,
+        store: Store,
+        row: Callable[[int], LoopRow],
+        status: Callable[[], bytes],
+    ) -> None:
+        self._own = keys.monitor_status(monitor)
+        self._engine, self._loops, self._store = engine, engine.loops, store
+        self._row, self._status = row, status
+        self._old_rows = store.rows()
+        """Loops' last rows of earlier runs, by key: they hold until a loop is assessed anew."""
+
+    def answer(self, questions: Questions, in_time: Callable[[], bool]) -> None:
+        """Answer or refuse what waits, at least one and then as many as there is time for."""
+        while questions:
+            question = questions.popleft()
+            try:
+                question.answer(self._replies(question))
+            except (ValueError, StoreError) as error:
+                question.refuse(str(error))
+            if not in_time():
+                return
+
+    def forget(self, key: str) -> None:
+        """Forget the earlier runs' row of a loop: other settings hold now, or the loop is watched no more."""
+        self._old_rows.pop(key, None)
+
+    def _replies(self, question: Question) -> list[Reply]:
+        chunks = question.key.split("/")
+        if chunks[-1] == "status":
+            return self._standing(question)
+        if len(chunks) > 1 and chunks[-2] == "window":
+            found = self._store.window(chunks[-1])
+            key = "" if found is None else keys.window(found[0], chunks[-1])
+            return [] if found is None or not question.matches(key) else [(key, found[1], FRAME_MIME)]
+        return self._history(question)
+
+    def _standing(self, question: Question) -> list[Reply]:
+        """Return the monitor's health, or the rows of the loops asked for."""
+        if question.matches(self._own):
+            return [(self._own, self._status(), JSON_MIME)]
+        asked = ((keys.status(key), key, number) for key, number in self._loops.by_key.items())
+        return [(k, self._current(key, number), JSON_MIME) for k, key, number in asked if question.matches(k)]
+
+    def _current(self, key: str, number: int) -> bytes:
+        """Return a loop's row: of this run, or the last one kept of an earlier run."""
+        if self._engine.verdict(number) is None and key in self._old_rows:
+            return self._old_rows[key]
+        return encode_record(self._row(number))
+
+    def _history(self, question: Question) -> list[Reply]:
+        """Return stored assessments of the loops asked for, one key each."""
+        asked = question.parameters
+        since, until = (_instant(name, asked.get(name)) for name in ("since", "until"))
+        limit = _limit(asked.get("limit"))
+        last = question.key.rpartition("/")[2]
+        out: list[Reply] = []
+        for loop_key in self._loops.by_key:
+            if not question.matches(keys.history(loop_key, last)):
+                continue
+            for identity, payload in self._store.assessments(loop_key, since, until, limit):
+                key = keys.history(loop_key, identity)
+                if question.matches(key):
+                    out.append((key, payload, JSON_MIME))
+            if len(out) >= ANSWER_RECORDS:
+                break
+        return out[:ANSWER_RECORDS]
+
+
+def _instant(name: str, text: str | None) -> int | None:
+    """Read a time of a query [ns]: ISO or epoch seconds."""
+    if text is None:
+        return None
+    try:
+        return given_time(text.replace(" ", "+"))  # what a browser makes of a + in a zone
+    except ValueError:
+        raise ValueError(f"{name}: {text[:50]!r}, expected ISO time or epoch seconds") from None
+
+
+def _limit(text: str | None) -> int:
+    """Read how many assessments of each loop are asked for."""
+    if text is None:
+        return DEFAULT_RECORDS
+    if not (text.isascii() and text.isdigit() and 0 < len(text) <= 9):
+        raise ValueError(f"limit: {text[:50]!r}, expected a whole number of 0 or more")
+    return min(int(text), ANSWER_RECORDS)

@@ -40,12 +40,14 @@ copybutton_prompt_is_regexp = True
 
 autosummary_generate = True
 autodoc_member_order = "bysource"
+autodoc_type_aliases = {"Array": "Array", "ComplexArray": "ComplexArray", "FloatOrArray": "FloatOrArray"}
 autodoc_default_options = {"members": True, "undoc-members": True}
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 
 html_theme = "furo"
 html_title = f"loopsight {release}"
+html_show_copyright = False
 
 
 def _forget_what_is_gone() -> None:
@@ -63,7 +65,25 @@ def _bars(_app: Any, _what: str, _name: str, _object: Any, _options: Any, lines:
         lines[i] = "".join(part if part.startswith("``") else part.replace("|", r"\|") for part in parts)
 
 
+def _aliases(
+    _app: Any,
+    _what: str,
+    _name: str,
+    _object: Any,
+    _options: Any,
+    signature: str | None,
+    returned: str | None,
+) -> tuple[str | None, str | None]:
+    """Show an alias of a type by its name, where Sphinx shows its own wrapping of it."""
+
+    def plain(text: str | None) -> str | None:
+        return None if text is None else re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text)
+
+    return plain(signature), plain(returned)
+
+
 def setup(app: Any) -> None:
     """Register what is ours; Sphinx calls this."""
     _forget_what_is_gone()
     app.connect("autodoc-process-docstring", _bars)
+    app.connect("autodoc-process-signature", _aliases)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from monitor.contract.loops import LoopTable
     from monitor.contract.samples import Samples
 
-MOST = 50
+MOST_PROBLEMS = 50
 """Problems of one kind in one file that are named; the rest is counted."""
 
 
@@ -174,14 +174,12 @@ def _notes(source: Source, tally: Tally, tz: str | None) -> str:
 
 def _names_wrong(path: Path, names: list[str]) -> list[str]:
     from monitor.contract.loop_fields import parse_row  # noqa: PLC0415
+    from monitor.contract.text import short  # noqa: PLC0415
 
     wrong = []
     for name in names:
-        wrong += [
-            f"{path}: loop: {what if len(what) <= 120 else what[:60] + '...' + what[-50:]}"
-            for what in parse_row({"name": name})[1]
-        ]
-    return wrong[:MOST]
+        wrong += [f"{path}: loop: {short(what)}" for what in parse_row({"name": name})[1]]
+    return wrong[:MOST_PROBLEMS]
 
 
 def _places(source: Source, tally: Tally) -> list[str]:
@@ -196,7 +194,7 @@ def _places(source: Source, tally: Tally) -> list[str]:
             f"{source.name}: {text!r} in {counted(n, 'cell')}, expected numbers"
             for text, n in sorted(tally.texts.items())
         ]
-        return times[:MOST] + texts[:MOST]
+        return times[:MOST_PROBLEMS] + texts[:MOST_PROBLEMS]
     out = _lines(source, _accepted(source, tally))
     more = tally.bad_texts + tally.bad_time - len(out)
     return out + ([f"{source.name}: {more} more cells that cannot be read"] if more > 0 else [])
@@ -226,7 +224,7 @@ def _lines(source: Source, accepted: dict[tuple[str, str], str]) -> list[str]:
                     out.append(
                         f"{source.name}:{reader.line_num}: {heading}: {cell[:40]!r}, expected {expected}"
                     )
-            if len(out) >= MOST:
+            if len(out) >= MOST_PROBLEMS:
                 break
     return out
 

@@ -11,11 +11,11 @@ import pyarrow.parquet as pq
 
 from monitor.adapters.files import replacing, write_text
 from sim_plants.loops import DEFAULT_START, LoopSpec, Simulation
-from sim_plants.payloads import SCHEMA, iso_times, name_array, to_batch
+from sim_plants.payloads import FRAME_SCHEMA, iso_times, name_array, to_batch
 from sim_plants.truth import EVENT_COLUMNS, TRUTH_COLUMNS, loop_table, truth_events, truth_rows
 
 # Rows held in memory and written as one row group.
-_CHUNK = 1_000_000
+_CHUNK_SAMPLES = 1_000_000
 
 
 def write_export(
@@ -79,12 +79,12 @@ def write_rows(path: Path, rows: Iterable[Mapping[str, Any]], columns: Sequence[
 def _write_samples(simulation: Simulation, seconds: float, path: Path) -> int:
     """Write the samples of `seconds` [s] in long form, part by part; returns their number."""
     names = name_array([loop.name for loop in simulation.loops])
-    left, chunk = seconds, _CHUNK / simulation.rate
+    left, chunk = seconds, _CHUNK_SAMPLES / simulation.rate
     total = 0
-    with replacing(path) as file, pq.ParquetWriter(file, SCHEMA) as writer:
+    with replacing(path) as file, pq.ParquetWriter(file, FRAME_SCHEMA) as writer:
         while left > 0:
             block = simulation.advance(min(chunk, left))
-            writer.write_batch(to_batch(block, block.loop, names, SCHEMA))
+            writer.write_batch(to_batch(block, block.loop, names, FRAME_SCHEMA))
             total += len(block)
             left -= chunk
     return total

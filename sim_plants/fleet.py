@@ -46,7 +46,7 @@ _KINDS = (
 _FORMS: tuple[Form, ...] = ("standard", "series", "parallel")
 
 # Loops in one area of a plant, which the hundreds of their tags count.
-_AREA = 20
+_AREA_LOOPS = 20
 # SIMC gain of integrating loops [% OP / % PV], gain of the other processes [% PV / % OP], logarithmic.
 _FACEPLATE_GAIN = (0.3, 10.0)
 _STATIC_GAIN = (0.5, 3.0)
@@ -127,7 +127,7 @@ def _loop(
     objective: Objective = ("both", "setpoint", "load")[rng.choice(3, p=(0.7, 0.1, 0.2))]
     setpoint, loads = schedules(rng, plant, settings, period, (step, load), objective)
     return LoopSpec(
-        name=f"{kind.letter}IC-{(i // _AREA + 1) * 100 + i % _AREA + 1}",
+        name=f"{kind.letter}IC-{(i // _AREA_LOOPS + 1) * 100 + i % _AREA_LOOPS + 1}",
         plant=plant,
         controller=settings,
         pv0=_round(low + span * rng.uniform(0.35, 0.65)),

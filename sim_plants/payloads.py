@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sim_plants.loops import Block
 
-SCHEMA = pa.schema(
+FRAME_SCHEMA = pa.schema(
     [
         ("loop", pa.dictionary(pa.int32(), pa.string())),
         ("time", pa.timestamp("ns", tz="UTC")),
@@ -77,7 +77,7 @@ def encode_frame(names: pa.Array, block: Block, seq: int) -> bytes:
     """
     # Only the names that occur go along: a frame is read by itself.
     used, codes = np.unique(block.loop, return_inverse=True)
-    schema = SCHEMA.with_metadata({"seq": str(seq)})
+    schema = FRAME_SCHEMA.with_metadata({"seq": str(seq)})
     sink = pa.BufferOutputStream()
     with pa.ipc.new_stream(sink, schema) as stream:
         stream.write_batch(to_batch(block, codes.astype(np.int32), names.take(pa.array(used)), schema))
@@ -87,7 +87,7 @@ def encode_frame(names: pa.Array, block: Block, seq: int) -> bytes:
 def to_batch(block: Block, codes: NDArray[np.int32], names: pa.Array, schema: pa.Schema) -> pa.RecordBatch:
     """Return samples as Arrow columns; `codes`, shape `(N,)`, point to the loops' `names`."""
     loop = pa.DictionaryArray.from_arrays(pa.array(codes), names)
-    time = pa.array(block.time_ns).cast(SCHEMA.field("time").type)
+    time = pa.array(block.time_ns).cast(FRAME_SCHEMA.field("time").type)
     values = [pa.array(column) for column in (block.sp, block.pv, block.op, block.auto)]
     return pa.record_batch([loop, time, *values], schema=schema)
 

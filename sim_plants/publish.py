@@ -15,14 +15,14 @@ from sim_plants.payloads import encode_frame, encode_sample, encode_tag, iso_tim
 Payload = Literal["tag", "sample", "frame"]
 
 # Loops that share a frame, and most rows of one: a thousand of both costs least per sample on the bus.
-_AREA = 1000
+_AREA_LOOPS = 1000
 _FRAME_ROWS = 1000
 # Most samples made at once while catching up: memory stays bounded, and a stop is heard.
-_CHUNK = 200_000
+_CHUNK_SAMPLES = 200_000
 # Pause between two looks at the clock [s]: short against what a trend on a screen shows.
-_TICK = 0.1
+_TICK_S = 0.1
 # How long a run without end can stay ahead of real time before it has caught up with the clock [s].
-_AHEAD = 8 * 3600.0
+_AHEAD_S = 8 * 3600.0
 
 
 class Publisher:
@@ -52,7 +52,7 @@ class Publisher:
         self._put = put
         self._keys = [default_key(loop.name) for loop in loops]
         self._names = name_array([loop.name for loop in loops])
-        self._seq = [0] * math.ceil(len(loops) / _AREA)
+        self._seq = [0] * math.ceil(len(loops) / _AREA_LOOPS)
         self._send = {"tag": self._tags, "sample": self._samples, "frame": self._frames}[payload]
         self.messages = 0
         """Messages put so far."""
@@ -78,7 +78,7 @@ class Publisher:
             yield self._keys[loop], encode_sample(stamp, *values)
 
     def _frames(self, block: Block) -> Iterator[tuple[str, bytes]]:
-        areas = block.loop // _AREA
+        areas = block.loop // _AREA_LOOPS
         for area in np.unique(areas).tolist():
             part = block.rows(areas == area) if len(self._seq) > 1 else block
             for first in range(0, len(part), _FRAME_ROWS):
@@ -102,7 +102,7 @@ def start_time(now: float, speed: float, seconds: float | None) -> float:
         For how long it will run by the clock; None for ever, where it falls back to real time when it has
         caught up after eight hours [s].
     """
-    ahead = _AHEAD if seconds is None else seconds
+    ahead = _AHEAD_S if seconds is None else seconds
     return now - max(speed - 1.0, 0.0) * ahead
 
 
@@ -146,7 +146,7 @@ def run(
         raise ValueError(f"speed: {speed!r}, expected a number above 0")
     stop = stop or threading.Event()
     wait = wait or stop.wait
-    chunk = _CHUNK / simulation.rate
+    chunk = _CHUNK_SAMPLES / simulation.rate
     begin, origin = monotonic(), simulation.time_ns
     while not stop.is_set():
         passed = monotonic() - begin
@@ -159,4 +159,4 @@ def run(
         if behind <= chunk:
             if over:
                 return
-            wait(_TICK)
+            wait(_TICK_S)

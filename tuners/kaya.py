@@ -18,12 +18,12 @@ from tuners.settings import Settings, plain, with_filter
 Powers = tuple[float, ...]
 Fit = tuple[tuple[Powers, Powers], Powers, tuple[Powers, Powers]]
 
-RANGE = (0.1, 3.0)  # theta/T of the fit
+FITTED_RATIOS = (0.1, 3.0)  # theta/T of the fit
 
 # Coefficients in x = theta/T, lowest power first: (kp K T: numerator, denominator), ti/T, (td/T: both).
 # td/tf that we add. The designs have Ms of 5 to 7 without a filter; one of td/10 would make those with
 # dead_time/lag below 0.5 all but unstable.
-FILTER = 100.0
+KAYA_FILTER_RATIO = 100.0
 
 ISTE: Fit = (
     ((0.3373, 0.8669, 0.08409), (0.001124, -0.02375, 1.0)),
@@ -45,7 +45,7 @@ def _ifopdt(model: Model) -> IntegratingModel:
     ratio = np.divide(
         model.dead_time, lag, out=np.full(np.broadcast(model.dead_time, lag).shape, np.inf), where=lag > 0
     )
-    wrong = (ratio < RANGE[0]) | (ratio > RANGE[1])
+    wrong = (ratio < FITTED_RATIOS[0]) | (ratio > FITTED_RATIOS[1])
     if np.any(wrong):
         raise ValueError(f"dead_time/lag = {ratio[wrong].flat[0]:.4g}: this rule holds for 0.1 to 3")
     return model
@@ -59,7 +59,7 @@ def _fitted(model: Model, fit: Fit) -> Settings:
     kp = polyval(x, gain[0]) / polyval(x, gain[1]) / (process.gain * process.lag)
     td_value = process.lag * polyval(x, td[0]) / polyval(x, td[1])
     settings = Settings(plain(kp), plain(process.lag * polyval(x, ti)), plain(td_value), b=0.0, c=0.0)
-    return with_filter(settings, FILTER)
+    return with_filter(settings, KAYA_FILTER_RATIO)
 
 
 def kaya_iste(model: Model) -> Settings:
@@ -165,7 +165,7 @@ def kaya_optimum(model: Model, power: int = 1) -> Settings:
     if not 0.05 <= x <= 10:
         raise ValueError(f"dead_time/lag = {x:.4g}: the optimum is computed for 0.05 to 10")
     unit = IntegratingModel(1.0, x, 1.0)
-    inside = min(max(x, RANGE[0]), RANGE[1])
+    inside = min(max(x, FITTED_RATIOS[0]), FITTED_RATIOS[1])
     start = _fitted(IntegratingModel(1.0, inside, 1.0), ISTE if power == 1 else IST2E)
     logs = np.log(np.array([start.kp, start.ti, start.td], dtype=float))
     # Outside the fit's range walk from its edge to x, each optimum being the start of the next.
@@ -273,7 +273,7 @@ def kaya_iste_exact(model: Model) -> Settings:
     >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
     'kp = 0.4084, ti = 7.575 s, td = 1.821 s'
     """
-    return with_filter(kaya_optimum(model, 1), FILTER)
+    return with_filter(kaya_optimum(model, 1), KAYA_FILTER_RATIO)
 
 
 def kaya_ist2e_exact(model: Model) -> Settings:
@@ -305,7 +305,7 @@ def kaya_ist2e_exact(model: Model) -> Settings:
     >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s, td = {settings.td:.4g} s"
     'kp = 0.3706, ti = 8.519 s, td = 1.642 s'
     """
-    return with_filter(kaya_optimum(model, 2), FILTER)
+    return with_filter(kaya_optimum(model, 2), KAYA_FILTER_RATIO)
 
 
 def chakraborty(model: Model) -> Settings:

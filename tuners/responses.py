@@ -26,12 +26,10 @@ from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings
 
 MIN_POINTS, MAX_POINTS = 1 << 11, 1 << 17
-SETTLED = 1e-4  # share of the step that may be left at the end of the window; above, the window doubles
-TIMES = (
-    12.0  # of the slowest time constant in the first window: e^-12 is below SETTLED with room for a factor
-)
+SETTLED_SHARE = 1e-4  # share of the step that may be left at the end of the window; above, the window doubles
+WINDOW_TIME_CONSTANTS = 12.0  # slowest ones in the first window: e^-12 is below SETTLED_SHARE, with room
 FIGURE_POINTS = 512, 1 << 14  # least and most samples for figures without curves
-BAND = 0.02  # the usual 2 % band of the settling time
+SETTLING_SHARE = 0.02  # the usual 2 % band of the settling time
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -116,7 +114,7 @@ def closed_loop_response(
         final = float(_final_value(model, settings, kind))
         scale = max(1.0 if kind == "setpoint" else 0.0, float(np.abs(pv).max()))
         # The last samples feel the next flank: a cut series rings a little ahead of a kink.
-        if np.abs(pv[-len(pv) // 10 : -len(pv) // 50] - final).max() < SETTLED * scale:
+        if np.abs(pv[-len(pv) // 10 : -len(pv) // 50] - final).max() < SETTLED_SHARE * scale:
             break
         window *= 2
     pv[time <= float(model.dead_time)] = 0.0  # causality, where the cut series rings a little
@@ -206,7 +204,7 @@ def _figures_of_many(
         figures[k + 1, index] = np.where(offset, np.inf, iae)
         scale = np.maximum(1.0 - k, np.abs(pv).max(axis=1))
         last = np.abs(pv[:, -count // 10 : -count // 50] - final).max(axis=1)
-        settled &= last < SETTLED * scale
+        settled &= last < SETTLED_SHARE * scale
         if kind == "setpoint":
             size = np.where(final[:, 0] == 0, 1.0, np.abs(final[:, 0]))
             beyond = (np.sign(final) * pv).max(axis=1) - np.abs(final[:, 0])
@@ -255,7 +253,7 @@ def _first_window(model: Process, settings: Settings) -> Array:
             np.where(np.abs(times) > 1e-9, np.abs(times) ** 2 / np.abs(times.real), 0.0), axis=1
         )
     shortest = 20 * (2 * half + sum(lags)) + 10 * td
-    window = np.maximum(shortest, TIMES * np.where(np.isfinite(slowest), slowest, 0.0))
+    window = np.maximum(shortest, WINDOW_TIME_CONSTANTS * np.where(np.isfinite(slowest), slowest, 0.0))
     return np.asarray(np.where(window > 0, window, 1.0) * unit)
 
 
@@ -376,6 +374,6 @@ def _figures(time: Array, pv: Array, op: Array, kind: str, final: float, keep: n
         peak = float(pv[np.abs(pv).argmax()])
         scale = abs(peak) or 1.0
         overshoot = max(0.0, float((-np.sign(peak) * pv).max())) / scale
-    outside = np.flatnonzero(np.abs(pv - final) > BAND * scale)
+    outside = np.flatnonzero(np.abs(pv - final) > SETTLING_SHARE * scale)
     settling_time = float(time[min(outside[-1] + 1, len(time) - 1)]) if outside.size else 0.0
     return Response(time[keep], pv[keep], op[keep], iae, overshoot, settling_time)

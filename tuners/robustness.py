@@ -26,8 +26,8 @@ LINEAR_SIZES = (
     1024,
     4096,
 )  # points of the linear part; loops are grouped by what they need
-ACCURACY = 1e-3  # of Ms: abs(L) below this is of no account
-CHUNK = 1 << 15  # points worked on at a time: a dozen arrays of them fit into the second-level cache
+MS_ACCURACY = 1e-3  # of Ms: abs(L) below this is of no account
+CHUNK_POINTS = 1 << 15  # points worked on at a time: a dozen arrays of them fit into the second-level cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +188,7 @@ def _groups(loops: Loops, high: Array) -> list[tuple[int, np.ndarray]]:
     result = []
     for size in np.unique(group):
         members = np.flatnonzero(group == size)
-        chunk = max(1, CHUNK // (LOG_POINTS + LINEAR_SIZES[size]))
+        chunk = max(1, CHUNK_POINTS // (LOG_POINTS + LINEAR_SIZES[size]))
         parts = np.array_split(members, math.ceil(members.size / chunk))
         result += [(LINEAR_SIZES[size], part) for part in parts]
     return result
@@ -207,7 +207,7 @@ def _needed(loops: Loops, low: Array, high: Array, full: bool) -> Array:
     re, im = turning.parts(grid(turning, low[index], BEND / turning.dead_time, 0)[::2])
     seen = np.sqrt(((1 + re) ** 2 + im * im).min(axis=0))
     # The margins are exact down to the same level of abs(L) as everywhere.
-    level = np.clip(1 - seen, ACCURACY, HIGH_LEVEL if full else 0.9)
+    level = np.clip(1 - seen, MS_ACCURACY, HIGH_LEVEL if full else 0.9)
     end = high_end(turning, level)
     # The bound is generous; abs(L) itself, which is smooth out there, says how far it really is.
     steps = grid(turning, 5 / turning.dead_time, end, 0)[::4]

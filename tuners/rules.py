@@ -83,7 +83,7 @@ ZN42 = "Ziegler & Nichols 1942, Trans. ASME 64, 759-768"
 KA18 = "Kaya 2018, IFAC PID'18"
 AH06 = "Åström & Hägglund 2006, Advanced PID Control"
 CC53 = "Cohen & Coon 1953, Trans. ASME 75, 827-834"
-TIME = ("closed_loop_time",)
+BY_TIME = ("closed_loop_time",)
 
 
 def _rule(
@@ -100,34 +100,34 @@ def _rule(
 
 
 RULES: dict[str, Rule] = {
-    "simc-pi": _rule(simc_pi, f"{SIMC}; {VV10}", "PI", processes=BOTH, parameters=TIME),
-    "simc-pid": _rule(simc_pid, f"{SIMC}; {VV10}", "PID", "series", BOTH, TIME),
-    "simc-pd": _rule(simc_pd, VV10, "PD", "series", BOTH, TIME),
+    "simc-pi": _rule(simc_pi, f"{SIMC}; {VV10}", "PI", processes=BOTH, parameters=BY_TIME),
+    "simc-pid": _rule(simc_pid, f"{SIMC}; {VV10}", "PID", "series", BOTH, BY_TIME),
+    "simc-pd": _rule(simc_pd, VV10, "PD", "series", BOTH, BY_TIME),
     "simc-pi-improved": _rule(
         simc_pi_improved,
         "Grimholt & Skogestad 2012, IFAC PID'12",
         "PI",
         processes=(SELF_REGULATING,),
-        parameters=TIME,
+        parameters=BY_TIME,
     ),
-    "imc-pi": _rule(imc_pi, RC02, "PI", parameters=TIME),
-    "imc-pid": _rule(imc_pid, RC02, "PID", parameters=TIME),
-    "imc-pid-series": _rule(imc_pid_series, RC02, "PID", "series", parameters=TIME),
-    "imc-pid-filter": _rule(imc_pid_filter, RC02, "PID", parameters=TIME),
-    "imc-pid-series-filter": _rule(imc_pid_series_filter, RC02, "PID", "series", parameters=TIME),
+    "imc-pi": _rule(imc_pi, RC02, "PI", parameters=BY_TIME),
+    "imc-pid": _rule(imc_pid, RC02, "PID", parameters=BY_TIME),
+    "imc-pid-series": _rule(imc_pid_series, RC02, "PID", "series", parameters=BY_TIME),
+    "imc-pid-filter": _rule(imc_pid_filter, RC02, "PID", parameters=BY_TIME),
+    "imc-pid-series-filter": _rule(imc_pid_series_filter, RC02, "PID", "series", parameters=BY_TIME),
     "imc-pid-first-order": _rule(
         imc_pid_first_order,
         "Rivera, Morari & Skogestad 1986, IEC Proc. Des. Dev. 25, 252-265",
         "PID",
         processes=(SELF_REGULATING,),
-        parameters=TIME,
+        parameters=BY_TIME,
     ),
     "lambda-pi": _rule(
         lambda_pi,
         f"Dahlin 1968; Chien & Fruehauf 1990; default {AH06}",
         "PI",
         processes=BOTH,
-        parameters=TIME,
+        parameters=BY_TIME,
     ),
     "di-ruscio": _rule(
         di_ruscio,

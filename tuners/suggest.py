@@ -14,7 +14,7 @@ from tuners.robustness import margins
 from tuners.rules import RULES, Rule
 from tuners.settings import FORMS, Settings
 
-COLUMNS = {
+SUGGESTED_COLUMNS = {
     "kp": "Kp [OP/PV]",
     "ti": "Ti [s]",
     "td": "Td [s]",
@@ -27,7 +27,7 @@ COLUMNS = {
     "iae_load": "IAE load [PV s]",
     "overshoot": "overshoot",
 }
-SORTABLE = ("rule", *COLUMNS, "mt", "settling_time")
+SORTABLE = ("rule", *SUGGESTED_COLUMNS, "mt", "settling_time")
 
 
 class Suggested(NamedTuple):

@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from monitor.contract.loop_fields import COLUMNS, known_forms, parse_row
+from monitor.contract.loop_fields import TABLE_COLUMNS, known_forms, parse_row
 from monitor.contract.loops import LoopTable, LoopTableError
 
 # ---------------------------------------------------------------------------------------------------
@@ -64,6 +64,6 @@ def _rows(path: Path) -> list[tuple[int, dict[str, Any]]]:
         file.seek(0)
         reader = csv.DictReader(file, delimiter=";" if head.count(";") > head.count(",") else ",")
         if reader.fieldnames is None or "name" not in [f.strip() for f in reader.fieldnames]:
-            raise ValueError(f"no column `name` in its header, expected some of {', '.join(COLUMNS)}")
+            raise ValueError(f"no column `name` in its header, expected some of {', '.join(TABLE_COLUMNS)}")
         reader.fieldnames = [f.strip() for f in reader.fieldnames]
         return [(reader.line_num, row) for row in reader]

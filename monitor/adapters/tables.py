@@ -17,7 +17,7 @@ from monitor.contract.records import TIMES, Assessment, LoopRow
 
 from .files import replacing, write_text
 
-EVENTS, LOOPS, LOOPS_CSV = "events.parquet", "loops.parquet", "loops.csv"
+EVENTS_FILE, LOOPS_FILE, LOOPS_CSV_FILE = "events.parquet", "loops.parquet", "loops.csv"
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
@@ -41,10 +41,10 @@ def write_tables(
     OSError
         A file cannot be written.
     """
-    write_parquet(out / EVENTS, columns(Assessment, events, seconds=seconds))
-    write_parquet(out / LOOPS, columns(LoopRow, loops, seconds=seconds))
-    write_text(out / LOOPS_CSV, loops_csv(loops))
-    return [out / LOOPS_CSV, out / LOOPS, out / EVENTS]
+    write_parquet(out / EVENTS_FILE, columns(Assessment, events, seconds=seconds))
+    write_parquet(out / LOOPS_FILE, columns(LoopRow, loops, seconds=seconds))
+    write_text(out / LOOPS_CSV_FILE, loops_csv(loops))
+    return [out / LOOPS_CSV_FILE, out / LOOPS_FILE, out / EVENTS_FILE]
 
 
 def columns(

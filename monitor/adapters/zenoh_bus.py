@@ -11,7 +11,7 @@ from typing import Any
 
 import zenoh
 
-from monitor.contract.entries import LARGEST, Message
+from monitor.contract.entries import MOST_PAYLOAD_BYTES, Message
 from monitor.contract.keys import PREFIX
 from monitor.contract.times import ns_of
 
@@ -60,7 +60,7 @@ def open_session(
         "connect/retry": RECONNECT,
         "connect/timeout_ms": 3000,
         "timestamping/enabled": True,
-        "transport/link/rx/max_message_size": 4 * LARGEST,  # Zenoh's own limit is a gigabyte
+        "transport/link/rx/max_message_size": 4 * MOST_PAYLOAD_BYTES,  # Zenoh's own limit is a gigabyte
         **(options or {}),
     }
     try:

@@ -17,10 +17,10 @@ from monitor.contract.times import iso
 from .inputs import Inputs, identity
 from .settings import AuditSettings
 
-SCHEMA = 1
-MOST_LISTED = 20
+AUDIT_SCHEMA = 1
+MOST_LISTED_TEXTS = 20
 """Different texts in place of values that ``audit.json`` lists, the most frequent."""
-MOST_LINES = 5
+MOST_SHOWN_LINES = 5
 """Lines per file that are named on the terminal; all kept ones are in ``audit.json``."""
 
 
@@ -60,8 +60,8 @@ def problems(inputs: Inputs, tally: Tally, left: Mapping[str, str]) -> list[str]
     out = [*inputs.problems, *map(str, inputs.files_left)]
     for file in sorted(tally.lost_lines):
         lines = sorted(tally.lines.get(file, {}).items())
-        out += [f"{file}:{n}: {reason}" for n, reason in lines[:MOST_LINES]]
-        more = tally.lost_lines[file] - len(lines[:MOST_LINES])
+        out += [f"{file}:{n}: {reason}" for n, reason in lines[:MOST_SHOWN_LINES]]
+        more = tally.lost_lines[file] - len(lines[:MOST_SHOWN_LINES])
         if more > 0:
             out.append(f"{file}: {more} more lines that cannot be read")
     return out + [f"loop {visible(name, 80)}: {reason}" for name, reason in sorted(left.items())]
@@ -102,7 +102,7 @@ def about(
     span = settings.span()
     table = inputs.loops_file
     return {
-        "schema": SCHEMA,
+        "schema": AUDIT_SCHEMA,
         "versions": {"loopsight": package_version()},
         "generated_at": datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z"),
         "settings": {
@@ -119,7 +119,7 @@ def about(
         "newest_sample": _iso(reach[1]),
         "text_in_values": {"count": tally.bad_texts, "most_frequent": _most_frequent(tally.texts)},
         "quality_not_good": _most_frequent(tally.qualities),
-        "times_unreadable": sorted(tally.times)[:MOST_LISTED],
+        "times_unreadable": sorted(tally.times)[:MOST_LISTED_TEXTS],
         "held_where_empty": {s.name: sorted(s.sparse) for s in inputs.sources if s.sparse},
         "quality_unknown": sorted(s.name for s in inputs.sources if not _has_quality(s)),
         "loops_without_data": sorted(n for n in inputs.loops.by_name if n not in tally.loop_rows),
@@ -148,7 +148,7 @@ def _read_as(source: Source, tally: Tally) -> dict[str, Any]:
 
 
 def _most_frequent(counts: Mapping[str, int]) -> dict[str, int]:
-    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:MOST_LISTED])
+    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:MOST_LISTED_TEXTS])
 
 
 def _has_quality(source: Source) -> bool:

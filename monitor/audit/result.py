@@ -8,7 +8,7 @@ from typing import Any
 
 from monitor.contract.records import Assessment, LoopRow
 
-PARTS = ".parts"
+PARTS_FOLDER = ".parts"
 """Folder in DIR for what is done of an audit that is not."""
 
 

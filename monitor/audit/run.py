@@ -17,9 +17,9 @@ from monitor.contract.times import iso
 from monitor.verdict.row import worst_first
 from monitor.verdict.stale import is_stale, mark_stale, patience_of_export
 
-from .about import SCHEMA, about, counted, loops_left_out, package_version, problems, why_nothing
+from .about import AUDIT_SCHEMA, about, counted, loops_left_out, package_version, problems, why_nothing
 from .inputs import Inputs, find, identity
-from .result import PARTS, AuditResult
+from .result import PARTS_FOLDER, AuditResult
 from .settings import AuditSettings
 from .tasks import Part, Progress, plan, run_all
 
@@ -91,8 +91,8 @@ class Audit:
                 continue
             parts = run_all(
                 tasks,
-                version=f"{package_version()}/{SCHEMA}",
-                keep=self.out / PARTS,
+                version=f"{package_version()}/{AUDIT_SCHEMA}",
+                keep=self.out / PARTS_FOLDER,
                 jobs=settings.jobs,
                 resume=settings.resume,
                 scheduler=settings.scheduler,
@@ -150,7 +150,7 @@ class Audit:
 
     def _tidy(self) -> None:
         """Remove the parts: the audit is done."""
-        keep = self.out / PARTS
+        keep = self.out / PARTS_FOLDER
         for file in keep.glob("*"):
             file.unlink()
         if keep.is_dir():

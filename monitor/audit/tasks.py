@@ -28,7 +28,7 @@ from monitor.contract.records import Assessment, LoopRow, Record
 from monitor.engine import Engine
 from monitor.verdict.stale import LastSample
 
-MOST_ROWS = 50_000_000
+MOST_TASK_ROWS = 50_000_000
 """Rows of a task: what `--resume` loses at most, a second or two of detection."""
 
 
@@ -132,7 +132,7 @@ def plan(loops: Sequence[Loop], sources: Sequence[Source], span: Span, jobs: int
         A file turned out to be damaged.
     """
     rows = sum(s.size // 40 if s.rows is None else s.rows for s in sources)
-    n = max(1, min(len(loops), max(jobs, -(-rows // MOST_ROWS))))
+    n = max(1, min(len(loops), max(jobs, -(-rows // MOST_TASK_ROWS))))
     if n == 1:
         return [Task(tuple(loops), tuple(sources), span, {})]
     names = {loop.name for loop in loops}

@@ -122,16 +122,16 @@ def _print_table(rows: Sequence[dict[str, Any]], skipped: dict[str, str]) -> Non
     from rich.markup import escape
     from rich.table import Table
 
-    from tuners.suggest import COLUMNS
+    from tuners.suggest import SUGGESTED_COLUMNS
 
     console = _console()
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for title in ("rule", "form", *COLUMNS.values()):
+    for title in ("rule", "form", *SUGGESTED_COLUMNS.values()):
         table.add_column(
             escape(title), justify="left" if title in {"rule", "form"} else "right", no_wrap=True
         )
     for row in rows:
-        numbers = (_number(row[key], key) for key in COLUMNS)
+        numbers = (_number(row[key], key) for key in SUGGESTED_COLUMNS)
         name = row["rule"] if row["stable"] else f"{row['rule']} (unstable)"
         table.add_row(name, row["form"], *numbers)
     if rows:

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LARGEST = 16 * 2**20
+MOST_PAYLOAD_BYTES = 16 * 2**20
 """Bytes of a payload above which it is refused unread."""
 
 SAMPLE, TAG_SP, TAG_OP, TAG_AUTO, TAG_PV = range(5)
 """Kinds of entry; of equal times a tag's set point, output and mode come before its PV."""
-UNKNOWN = -1
-"""A mode that could not be read."""
+MODE_UNKNOWN = -1
+"""A mode that could not be read, or was not said: the loop's last known one holds."""
 
 ENTRY = np.dtype(
     [

@@ -10,7 +10,7 @@ from typing import Any
 
 from tuners.settings import FORMS
 
-from .loops import CONTROLLERS, NAME_BYTES, OBJECTIVES, PROCESSES, Loop
+from .loops import CONTROLLERS, MOST_NAME_BYTES, OBJECTIVES, PROCESSES, Loop
 
 # ---------------------------------------------------------------------------------------------------
 # one row of a table to a Loop
@@ -30,7 +30,7 @@ _BOUNDS: dict[str, tuple[float, float, str]] = {
     "max_deviation": (0.0, math.inf, "a deviation of PV above 0"),
 }
 _NUMBERS = {"b", "c", "kp", "ki", "kd", "pv_low", "pv_high", "op_low", "op_high", *_BOUNDS}
-COLUMNS = (*Loop.__struct_fields__, "ki", "kd")
+TABLE_COLUMNS = (*Loop.__struct_fields__, "ki", "kd")
 
 
 def parse_row(row: Mapping[str, Any], forms: Sequence[str] = FORMS) -> tuple[Loop | None, list[str]]:
@@ -49,7 +49,7 @@ def parse_row(row: Mapping[str, Any], forms: Sequence[str] = FORMS) -> tuple[Loo
     """
     wrong: list[str] = []
     facts: dict[str, Any] = {}
-    for field in COLUMNS:
+    for field in TABLE_COLUMNS:
         value = row.get(field)
         if value is None or (isinstance(value, str) and not value.strip()):
             continue
@@ -101,8 +101,8 @@ def _value(field: str, value: Any, forms: Sequence[str]) -> Any:
             raise ValueError("true or false")
         return text in {"true", "1", "yes"}
     text = unicodedata.normalize("NFC", str(value).strip())
-    if field == "name" and len(text.encode()) > NAME_BYTES:
-        raise ValueError(f"at most {NAME_BYTES} bytes")
+    if field == "name" and len(text.encode()) > MOST_NAME_BYTES:
+        raise ValueError(f"at most {MOST_NAME_BYTES} bytes")
     if field == "key":
         return _key(text)
     accepted = _accepted(field, forms)

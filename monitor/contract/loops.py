@@ -11,7 +11,7 @@ import msgspec
 from tuners.models import INTEGRATING, SELF_REGULATING
 from tuners.settings import FORMS
 
-NAME_BYTES = 200
+MOST_NAME_BYTES = 200
 PROCESSES = ("auto", INTEGRATING, SELF_REGULATING)
 OBJECTIVES = ("both", "setpoint", "load", "averaging")
 CONTROLLERS = ("p", "pi", "pd", "pid")

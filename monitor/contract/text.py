@@ -36,26 +36,15 @@ def short(line: str) -> str:
     return line if len(line) <= 120 else f"{line[:60]}...{line[-50:]}"
 
 
-def printable(text: str) -> str:
-    r"""Return text with a ``�`` in place of each character that does not print, or would turn the line around.
-
-    Examples
-    --------
-    >>> printable("LIC\u202e-101")
-    'LIC�-101'
-    """
-    return "".join(c if c.isprintable() else "\ufffd" for c in text)
-
-
 def plain(text: object, most: int = 200) -> str:
-    r"""Return text in one line and at most ``most`` characters, what does not print as ``�``.
+    r"""Return text as `visible` does, in one line and at most ``most`` characters.
 
     Examples
     --------
     >>> plain("LIC-101:\n  too slow", most=12)
     'LIC-101: to…'
     """
-    line = printable(" ".join(str(text).split())[: most + 1])
+    line = visible(" ".join(str(text).split())[: most + 1])
     return line if len(line) <= most else line[: most - 1] + "…"
 
 

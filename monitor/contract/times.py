@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-EARLIEST, LATEST = 86_400 * 10**9, 9_200_000_000 * 10**9
+EARLIEST_NS, LATEST_NS = 86_400 * 10**9, 9_200_000_000 * 10**9
 """Times outside are no times: 1970 is a gateway's zero, and int64 nanoseconds end in 2262 [ns]."""
 
 
@@ -21,10 +21,12 @@ def seconds_to_ns(seconds: NDArray[np.float64]) -> NDArray[np.int64]:
     >>> seconds_to_ns(np.array([1.5, np.nan]))
     array([1500000000,          0])
     """
-    usable = np.isfinite(seconds) & (np.abs(seconds) < LATEST * 1e-9)
+    usable = np.isfinite(seconds) & (np.abs(seconds) < LATEST_NS * 1e-9)
     return np.round(np.where(usable, seconds, 0.0) * 1e6).astype(np.int64) * 1000
 
 
+UNIT_NS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
+"""[ns]"""
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -70,10 +72,10 @@ def given_time(text: str, zone: tzinfo = UTC) -> int:
     try:
         seconds = float(text)
     except ValueError:
-        return min(max(instant(text, zone), -LATEST), LATEST)
+        return min(max(instant(text, zone), -LATEST_NS), LATEST_NS)
     if not math.isfinite(seconds):
         raise ValueError(f"{text!r} is no time")
-    return round(min(max(seconds, -LATEST * 1e-9), LATEST * 1e-9) * 1e6) * 1000
+    return round(min(max(seconds, -LATEST_NS * 1e-9), LATEST_NS * 1e-9) * 1e6) * 1000
 
 
 def time_of(value: float | str | None, default: int) -> int:
@@ -97,9 +99,9 @@ def time_of(value: float | str | None, default: int) -> int:
         return default
     if isinstance(value, str):
         time = instant(value)
-        return time if abs(time) <= LATEST else 0
+        return time if abs(time) <= LATEST_NS else 0
     # as `seconds_to_ns`, at a tenth of its cost
-    return round(value * 1e6) * 1000 if math.isfinite(value) and abs(value) < LATEST * 1e-9 else 0
+    return round(value * 1e6) * 1000 if math.isfinite(value) and abs(value) < LATEST_NS * 1e-9 else 0
 
 
 def nanoseconds(text: object) -> int | None:

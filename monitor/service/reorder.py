@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.compiled import jit
-from monitor.contract.entries import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_SP, UNKNOWN
+from monitor.contract.entries import ENTRY, MODE_UNKNOWN, SAMPLE, TAG_AUTO, TAG_OP, TAG_SP
 from monitor.contract.samples import QUALITY_UNCERTAIN, Samples
 
 HELD_ENTRIES = 64
@@ -284,7 +284,7 @@ def _moves(x):
     if x.quality < QUALITY_UNCERTAIN:
         return False
     if x.kind == TAG_AUTO:
-        return x.auto != UNKNOWN
+        return x.auto != MODE_UNKNOWN
     if x.kind == SAMPLE:
         return np.isfinite(x.pv) and np.isfinite(x.op)  # a set point holds until another comes
     return np.isfinite(x.pv) or np.isfinite(x.sp) or np.isfinite(x.op)  # the one that the tag brings

@@ -18,7 +18,7 @@ import numpy as np
 from monitor.adapters.store import Store
 from monitor.contract import keys
 from monitor.contract.entries import Message
-from monitor.contract.loops import NAME_BYTES, Loop, LoopTable
+from monitor.contract.loops import MOST_NAME_BYTES, Loop, LoopTable
 from monitor.contract.records import RETUNE, LoopRow, Record
 from monitor.contract.samples import Samples
 from monitor.contract.text import visible
@@ -216,7 +216,7 @@ class Service:
     def _register(self, name: str, key: str) -> int | None:
         """Watch a loop that is in no table."""
         watched = len(self.loops.by_name)
-        if watched >= REGISTERED_LOOPS or not 0 < len(name.encode(errors="replace")) <= NAME_BYTES:
+        if watched >= REGISTERED_LOOPS or not 0 < len(name.encode(errors="replace")) <= MOST_NAME_BYTES:
             return None
         if not name.isprintable() or "*" in key or "$" in key:  # for a terminal, or a key of many
             return None

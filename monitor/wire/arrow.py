@@ -13,7 +13,7 @@ from monitor.contract.entries import ENTRY, SAMPLE
 from monitor.contract.evidence import Trend, Window
 from monitor.contract.quality import opc_quality
 from monitor.contract.samples import QUALITY_GOOD
-from monitor.contract.times import LATEST, seconds_to_ns
+from monitor.contract.times import LATEST_NS, UNIT_NS, seconds_to_ns
 
 _NEEDED = ("loop", "time", "sp", "pv", "op")
 _OPTIONAL = ("auto", "quality")
@@ -86,15 +86,12 @@ def _times(column: Any) -> NDArray[np.int64]:
     """Return times [ns]; 0, which is refused later, for nulls."""
     if not pa.types.is_timestamp(column.type):
         return seconds_to_ns(_numbers(column))
-    factor = _UNITS[column.type.unit]
+    factor = UNIT_NS[column.type.unit]
     stamps = np.asarray(column.to_numpy(zero_copy_only=False).view(np.int64))  # null: far before any time
     if factor > 1:  # those beyond the years that nanoseconds can hold are none
-        most = LATEST // factor
+        most = LATEST_NS // factor
         stamps = np.where((stamps >= -most) & (stamps <= most), stamps, 0) * factor
     return np.asarray(stamps, dtype=np.int64)
-
-
-_UNITS = {"ns": 1, "us": 10**3, "ms": 10**6, "s": 10**9}
 
 
 def encode_window(window: Window, verdict: str, reason: str) -> bytes:
@@ -121,7 +118,7 @@ def _stream(time: NDArray[np.int64], columns: dict[str, NDArray[np.float64]], ab
     return bytes(sink.getvalue().to_pybytes())
 
 
-ROWS_MAX = 200_000
+MOST_SHOWN_ROWS = 200_000
 """Rows of one payload: a window holds some hundred."""
 
 
@@ -151,7 +148,7 @@ def _table(payload: bytes) -> tuple[pa.Table, dict[str, str]]:
         facts = {k.decode(): v.decode() for k, v in (table.schema.metadata or {}).items()}
     except (pa.ArrowException, UnicodeDecodeError, OSError) as error:
         raise ValueError(f"no Arrow stream: {error}") from error
-    if not 0 < table.num_rows <= ROWS_MAX:
+    if not 0 < table.num_rows <= MOST_SHOWN_ROWS:
         raise ValueError(f"{table.num_rows} rows")
     return table, facts
 

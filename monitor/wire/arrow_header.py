@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from struct import Struct
 from struct import error as StructError  # noqa: N812 (it is named like a function)
 
-SCHEMA, DICTIONARY, RECORDS = 1, 2, 3
+SCHEMA_MESSAGE, DICTIONARY_MESSAGE, RECORDS_MESSAGE = 1, 2, 3
 """Kinds of message."""
 _CONTINUES = 0xFFFFFFFF
 _u16, _u32, _i32, _i64 = (Struct(f"<{c}").unpack_from for c in "HIiq")
@@ -54,9 +54,9 @@ def claim(payload: bytes) -> Claim:
             length = _i64(payload, body)[0] if body else 0
             if length < 0 or at + length > len(payload):
                 raise ValueError("an Arrow stream that is cut off")
-            if kind and header and payload[kind] in {DICTIONARY, RECORDS}:
+            if kind and header and payload[kind] in {DICTIONARY_MESSAGE, RECORDS_MESSAGE}:
                 table = header + _u32(payload, header)[0]
-                if payload[kind] == DICTIONARY:
+                if payload[kind] == DICTIONARY_MESSAGE:
                     data = _field(payload, table, 1)
                     table = data + _u32(payload, data)[0]
                 else:

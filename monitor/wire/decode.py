@@ -19,31 +19,31 @@ from numpy.typing import NDArray
 
 from monitor.contract.entries import (
     ENTRY,
-    LARGEST,
+    MODE_UNKNOWN,
+    MOST_PAYLOAD_BYTES,
     SAMPLE,
     TAG_AUTO,
     TAG_OP,
     TAG_PV,
     TAG_SP,
-    UNKNOWN,
     Message,
 )
 from monitor.contract.loop_fields import parse_row
-from monitor.contract.loops import NAME_BYTES, Loop, LoopTable
+from monitor.contract.loops import MOST_NAME_BYTES, Loop, LoopTable
 from monitor.contract.quality import quality_of
-from monitor.contract.times import EARLIEST, LATEST, time_of
+from monitor.contract.times import EARLIEST_NS, LATEST_NS, time_of
 
 from .arrow import frame_entries, read_frame
 from .arrow_header import claim
 from .encode import decode_object
 
-MOST_ROWS = 1_000_000
+MOST_FRAME_ROWS = 1_000_000
 """Rows of a frame above which it is refused."""
-MOST_BATCHES = 256
+MOST_FRAME_BATCHES = 256
 """Record batches of a frame above which it is refused."""
-MOST_DECOMPRESSED = 64 * 2**20
+MOST_DECOMPRESSED_BYTES = 64 * 2**20
 """Bytes to which a frame may decompress: those of the most rows."""
-MOST_MISSED = 2**32
+MOST_MISSED_FRAMES = 2**32
 """Frames that can be missing; a number that leaps further is a new numbering."""
 MOST_KEYS = 10_000
 """Frame streams whose numbers and names are remembered."""
@@ -169,7 +169,7 @@ class Decoder:
 
     def _in_time(self, entries: NDArray[Any], latest: int) -> NDArray[Any]:
         time = entries["time"]
-        bad, future = (time < EARLIEST) | (time > LATEST), (time > latest) & (time <= LATEST)
+        bad, future = (time < EARLIEST_NS) | (time > LATEST_NS), (time > latest) & (time <= LATEST_NS)
         if self.ahead and len(entries):
             self.ahead.difference_update(np.unique(entries["loop"][~(bad | future)]).tolist())
         if not (bad.any() or future.any()):
@@ -215,7 +215,7 @@ class Decoder:
 
     def _not_known(self, key: str, samples: int = 1) -> None:
         self.causes["unknown_loop"] += samples
-        key = key[:NAME_BYTES]  # a name may be as long as a frame
+        key = key[:MOST_NAME_BYTES]  # a name may be as long as a frame
         if key in self.unknown or len(self.unknown) < 100:
             self.unknown[key] += samples
 
@@ -233,13 +233,13 @@ class Decoder:
         """Read an Arrow stream of samples; the whole of it or nothing."""
         claimed = claim(message.payload)
         if (
-            claimed.rows > MOST_ROWS
-            or claimed.batches > MOST_BATCHES
-            or claimed.compressed > MOST_DECOMPRESSED
+            claimed.rows > MOST_FRAME_ROWS
+            or claimed.batches > MOST_FRAME_BATCHES
+            or claimed.compressed > MOST_DECOMPRESSED_BYTES
         ):
             raise TooLargeError(
-                f"a frame of {claimed.rows} rows in {claimed.batches} batches, expected at most {MOST_ROWS} in "
-                f"{MOST_BATCHES}, decompressed {MOST_DECOMPRESSED} bytes"
+                f"a frame of {claimed.rows} rows in {claimed.batches} batches, expected at most {MOST_FRAME_ROWS} in "
+                f"{MOST_FRAME_BATCHES}, decompressed {MOST_DECOMPRESSED_BYTES} bytes"
             )
         batches, seq = read_frame(message.payload)
         parts = [frame_entries(batch) for batch in batches]
@@ -268,7 +268,7 @@ class Decoder:
                 return True  # began anew, and came no further before
             self.causes["repeated_frames"] += 1
             return False
-        if seq - last <= MOST_MISSED:
+        if seq - last <= MOST_MISSED_FRAMES:
             self.causes["missed_frames"] += seq - last - 1
         return True
 
@@ -310,8 +310,8 @@ def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
 
 
 def _check_size(payload: bytes) -> None:
-    if len(payload) > LARGEST:
-        raise TooLargeError(f"{len(payload)} bytes, expected at most {LARGEST}")
+    if len(payload) > MOST_PAYLOAD_BYTES:
+        raise TooLargeError(f"{len(payload)} bytes, expected at most {MOST_PAYLOAD_BYTES}")
 
 
 def _number(value: Any) -> float:
@@ -335,6 +335,6 @@ def _tag_entry(row: int, kind: int, tag: Any, time: int) -> tuple[Any, ...]:
     number = _number(value)
     auto = 1
     if kind == TAG_AUTO:
-        auto = UNKNOWN if math.isnan(number) else int(number != 0)
+        auto = MODE_UNKNOWN if math.isnan(number) else int(number != 0)
     sp, pv, op = (number if kind == k else nan for k in (TAG_SP, TAG_PV, TAG_OP))
     return (time, row, kind, auto, quality_of(quality), sp, pv, op)

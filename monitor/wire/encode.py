@@ -10,7 +10,7 @@ import msgspec
 from monitor.contract.records import TIMES, Assessment, Event, LoopRow, Suggestion
 from monitor.contract.times import iso, time_of
 
-SCHEMA = 1
+RECORD_SCHEMA = 1
 FRAME_MIME = "application/vnd.apache.arrow.stream"
 JSON_MIME = "application/json"
 decode_object = msgspec.json.Decoder(dict[str, Any]).decode
@@ -31,7 +31,7 @@ def to_json(fields: dict[str, Any]) -> bytes:
     b'{"schema":1,"loop":"LIC-101","ci":null}'
     """
     clean = {k: iso(v) if k in TIMES and isinstance(v, int) else _clean(v) for k, v in fields.items()}
-    return _encoder.encode({"schema": SCHEMA, **clean})
+    return _encoder.encode({"schema": RECORD_SCHEMA, **clean})
 
 
 def _clean(value: Any) -> Any:

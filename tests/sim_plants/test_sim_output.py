@@ -306,7 +306,7 @@ def test_the_exported_table_is_read_back_by_the_monitor(tmp_path):
 def test_an_export_in_parts_is_the_same_data(tmp_path, monkeypatch):
     loops = random_fleet(3, 5)
     write_export(loops, 601.5, tmp_path / "whole")
-    monkeypatch.setattr("sim_plants.export._CHUNK", 100)
+    monkeypatch.setattr("sim_plants.export._CHUNK_SAMPLES", 100)
     write_export(loops, 601.5, tmp_path / "parts")
     whole, parts = (pd.read_parquet(tmp_path / name / "data.parquet") for name in ("whole", "parts"))
     pd.testing.assert_frame_equal(whole, parts)

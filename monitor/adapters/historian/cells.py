@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.contract.entries import MODE_UNKNOWN
 from monitor.contract.quality import opc_quality, quality_of
 from monitor.contract.samples import QUALITY_GOOD
+from monitor.contract.times import UNIT_NS
 
-from .clock import UNITS
-from .rows import UNKNOWN, Tally
+from .rows import Tally
 
 _AUTOMATIC = "auto aut a cas cascade c rcas true t 1 1.0 yes on wahr"
 _MANUAL = "man manual m hand h rout trk iman lo oos false f 0 0.0 no off falsch"
@@ -78,7 +79,7 @@ def _numbers_among_text(array: Any, tally: Tally, comma: bool) -> NDArray[np.flo
     values = pd.to_numeric(pointed, errors="coerce").to_numpy(np.float64, na_value=np.nan)
     odd = text[np.isnan(values)].dropna()
     for value, times in odd[~odd.str.lower().isin(["nan", "-nan"])].value_counts().items():
-        tally.text(str(value), int(times))
+        tally.count_text(str(value), int(times))
     return np.array(values)
 
 
@@ -86,18 +87,20 @@ def modes(array: Any, tally: Tally) -> NDArray[np.int8]:
     """Read the mode: 1 automatic, 0 manual, -1 where the cell does not say."""
     array = plain(array)
     if str(array.type) == "bool":
-        return np.array(array.cast("int8").fill_null(UNKNOWN).to_numpy(zero_copy_only=False), dtype=np.int8)
+        return np.array(
+            array.cast("int8").fill_null(MODE_UNKNOWN).to_numpy(zero_copy_only=False), dtype=np.int8
+        )
     if not is_text(array):
         number = numbers(array, tally)
-        return np.select([number == 1, number == 0], [1, 0], UNKNOWN).astype(np.int8)
+        return np.select([number == 1, number == 0], [1, 0], MODE_UNKNOWN).astype(np.int8)
 
     def mode(text: str, times: int) -> int:
-        known = MODES.get(text.strip().lower(), UNKNOWN)
-        if known == UNKNOWN and text.strip():
-            tally.text(text.strip(), times)
+        known = MODES.get(text.strip().lower(), MODE_UNKNOWN)
+        if known == MODE_UNKNOWN and text.strip():
+            tally.count_text(text.strip(), times)
         return known
 
-    return _by_text(array, mode, UNKNOWN).astype(np.int8)
+    return _by_text(array, mode, MODE_UNKNOWN).astype(np.int8)
 
 
 def qualities(array: Any, tally: Tally) -> NDArray[np.uint8]:
@@ -112,13 +115,13 @@ def qualities(array: Any, tally: Tally) -> NDArray[np.uint8]:
         codes = numbers(array, Tally())
         out = opc_quality(codes)
         for code, times in zip(*np.unique(codes[out < QUALITY_GOOD], return_counts=True), strict=True):
-            tally.quality(f"{code:.15g}", int(times))
+            tally.count_quality(f"{code:.15g}", int(times))
         return out
 
     def quality(text: str, times: int) -> int:
         code = quality_of(text)
         if code < QUALITY_GOOD:
-            tally.quality(text.strip(), times)
+            tally.count_quality(text.strip(), times)
         return code
 
     return _by_text(array, quality, QUALITY_GOOD).astype(np.uint8)
@@ -148,7 +151,7 @@ def codes_of(array: Any, code: Callable[[str | None], int]) -> NDArray[np.int32]
 
 def stamps(array: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Read timestamps of any unit: (N,) [ns], UTC where they have a zone; (N,) whether usable."""
-    scale = UNITS[re.split(r"[\[\],]", str(array.type))[1]]
+    scale = UNIT_NS[re.split(r"[\[\],]", str(array.type))[1]]
     good, raw = np.ones(len(array), np.bool_), array.cast("int64")
     if raw.null_count:
         good, raw = (

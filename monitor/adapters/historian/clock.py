@@ -9,21 +9,22 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.contract.times import UNIT_NS
+
 Ns = NDArray[np.int64]
 
-UNITS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 EXCEL = "excel"
 OPTION = "--time-unit s|ms|us|ns|excel"
 
-OLDEST, NEWEST = 315_532_800.0, 7_258_118_400.0
+OLDEST_S, NEWEST_S = 315_532_800.0, 7_258_118_400.0
 """[s] 1980 to 2200: a time of day lies in it. Seconds, ms, us and ns of that span do not overlap."""
-EXCEL_OLDEST, EXCEL_NEWEST = 32_874.0, 73_051.0
+EXCEL_OLDEST_DAYS, EXCEL_NEWEST_DAYS = 32_874.0, 73_051.0
 """[days] 1990 to 2100 as a spreadsheet counts."""
-EXCEL_EPOCH = 25_569
+EXCEL_EPOCH_DAYS = 25_569
 """[days] from a spreadsheet's day 0, 1899-12-30, to 1970-01-01."""
-EXCEL_STEP = 0.005
+EXCEL_STEP_DAYS = 0.005
 """[days] (7 min) a spreadsheet's step is shorter; seconds that far from 0 come in steps of 1 s or more."""
-_OLDEST_NS, _NEWEST_NS = int(OLDEST) * 10**9, int(NEWEST) * 10**9
+_OLDEST_NS, _NEWEST_NS = int(OLDEST_S) * 10**9, int(NEWEST_S) * 10**9
 _INT64 = float(np.iinfo(np.int64).max)
 
 
@@ -34,7 +35,7 @@ class Clock:
     kind: str
     """``timestamp``, ``text`` or ``number``."""
     unit: str = "ns"
-    """Of numbers: a key of `UNITS`, or ``excel``."""
+    """Of numbers: a key of `UNIT_NS`, or ``excel``."""
     naive: bool = False
     """Local time, to be read in the zone that the user names."""
     epoch: bool = True
@@ -66,10 +67,10 @@ def clock_of_numbers(values: NDArray[Any], unit: str | None = None) -> Clock:
     if unit == EXCEL:
         return Clock("number", EXCEL, naive=True)
     if unit is not None:
-        return Clock("number", unit, epoch=_is_epoch(t * (UNITS[unit] / 1e9)))
+        return Clock("number", unit, epoch=_is_epoch(t * (UNIT_NS[unit] / 1e9)))
     if not len(t):
         raise ValueError("time: no number in it, expected timestamps, ISO text or numeric seconds")
-    found = {u: int(np.sum(_within(t, u))) for u in UNITS}
+    found = {u: int(np.sum(_within(t, u))) for u in UNIT_NS}
     units = [u for u, n in found.items() if n]
     if len(units) > 1:
         raise ValueError(
@@ -77,30 +78,30 @@ def clock_of_numbers(values: NDArray[Any], unit: str | None = None) -> Clock:
         )
     if units and 2 * found[units[0]] >= len(t):
         return Clock("number", units[0])
-    if np.max(np.abs(t)) >= OLDEST:
+    if np.max(np.abs(t)) >= OLDEST_S:
         far = t[np.argmax(np.abs(t))]
         raise ValueError(
             f"time: {far:.17g}, expected a time from 1980 to 2200 or seconds from 0; see {OPTION}"
         )
-    if np.all((t >= EXCEL_OLDEST) & (t <= EXCEL_NEWEST)):
+    if np.all((t >= EXCEL_OLDEST_DAYS) & (t <= EXCEL_NEWEST_DAYS)):
         return _days_or_seconds(t)
     return Clock("number", "s", epoch=False)
 
 
 def _within(t: NDArray[np.float64], unit: str) -> NDArray[np.bool_]:
-    seconds = t * (UNITS[unit] / 1e9)
-    out: NDArray[np.bool_] = (seconds >= OLDEST) & (seconds <= NEWEST)
+    seconds = t * (UNIT_NS[unit] / 1e9)
+    out: NDArray[np.bool_] = (seconds >= OLDEST_S) & (seconds <= NEWEST_S)
     return out
 
 
 def _is_epoch(seconds: NDArray[np.float64]) -> bool:
-    return len(seconds) > 0 and bool(np.median(seconds) >= OLDEST)
+    return len(seconds) > 0 and bool(np.median(seconds) >= OLDEST_S)
 
 
 def _days_or_seconds(t: NDArray[np.float64]) -> Clock:
     """Tell a spreadsheet's days from seconds since some start by the step."""
     steps = np.abs(np.diff(np.unique(t)))
-    if len(steps) and np.median(steps) <= EXCEL_STEP and np.ptp(t) < 366:
+    if len(steps) and np.median(steps) <= EXCEL_STEP_DAYS and np.ptp(t) < 366:
         return Clock("number", EXCEL, naive=True)
     if len(steps) and np.median(steps) >= 0.999:
         return Clock("number", "s", epoch=False)
@@ -121,27 +122,27 @@ def numbers_to_ns(values: NDArray[Any], clock: Clock) -> tuple[Ns, NDArray[np.bo
         Times of another unit are among them.
     """
     if values.dtype.kind in "iu" and clock.unit != EXCEL:
-        scale = UNITS[clock.unit]
+        scale = UNIT_NS[clock.unit]
         good = np.abs(values.astype(np.float64)) < _INT64 / scale
         ns = np.where(good, values, 0).astype(np.int64) * scale
     else:
         t = np.asarray(values, dtype=np.float64)
         if clock.unit == EXCEL:
             # a spreadsheet's double holds today to a microsecond, and shows milliseconds: round to those
-            us = np.rint((t - EXCEL_EPOCH) * 86_400e3) * 1e3
+            us = np.rint((t - EXCEL_EPOCH_DAYS) * 86_400e3) * 1e3
         else:
-            us = np.round(t * (UNITS[clock.unit] / 1e3))
+            us = np.round(t * (UNIT_NS[clock.unit] / 1e3))
         good = np.abs(us) < _INT64 / 1e3
         ns = np.where(good, us, 0.0).astype(np.int64) * 1000
     if not clock.epoch:
-        if len(ns) and ns.max() >= OLDEST * 1e9:
+        if len(ns) and ns.max() >= OLDEST_S * 1e9:
             raise ValueError(f"time: seconds from a start and since 1970 mixed; see {OPTION}")
         return ns, good
     good &= plausible(ns, clock)
     if not good.all() and clock.unit != EXCEL:
         # what is no time in this unit, but in another, betrays a mixture
         rest = np.asarray(values, dtype=np.float64)[~good]
-        for unit in UNITS:
+        for unit in UNIT_NS:
             if unit != clock.unit and _within(rest, unit).any():
                 raise ValueError(f"time: {clock.unit} and {unit} since 1970 mixed, expected one unit")
     return ns, good

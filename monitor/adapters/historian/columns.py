@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from monitor.contract.samples import QUALITY_GOOD
 
 from .cells import codes_of, is_text, modes, numbers, plain, qualities, stamps, text_times
-from .clock import OLDEST, Clock, clock_of_numbers, numbers_to_ns, plausible
+from .clock import OLDEST_S, Clock, clock_of_numbers, numbers_to_ns, plausible
 from .layout import LONG, NEEDED, PER_LOOP, Layout, normal_name
 from .rows import HOLD_OP, HOLD_SP, Rows, Tally, join_rows
 
@@ -64,7 +64,7 @@ def sparse_of(head: Any, layout: Layout) -> frozenset[str]:
 
 def _of_day(ns: NDArray[np.int64]) -> bool:
     """Whether times are times of day, not counted from some start."""
-    return len(ns) > 0 and bool(np.median(ns) >= OLDEST * 1e9)
+    return len(ns) > 0 and bool(np.median(ns) >= OLDEST_S * 1e9)
 
 
 class Taker:
@@ -87,7 +87,7 @@ class Taker:
         if layout.kind != LONG:
             for name in layout.columns:
                 if name not in wanted:
-                    tally.name(name)
+                    tally.note_unknown_loop(name)
 
     def __call__(self, row: int, batch: Any) -> Iterator[Rows]:
         """Yield the batch's rows."""
@@ -127,7 +127,7 @@ class Taker:
             normal = normal_name(name or "")
             code = self.wanted.get(normal, -1)
             if code < 0:
-                self.tally.name(normal)
+                self.tally.note_unknown_loop(normal)
             if len(self.codes) > 1_000_000:
                 self.codes.clear()
             self.codes[name] = code
@@ -182,7 +182,7 @@ class Taker:
             good = good & plausible(ns, clock)
         if not good.all():
             for value in array.filter(~good)[:1000].unique().to_pylist():
-                self.tally.time("" if value is None else value)
+                self.tally.note_bad_time("" if value is None else value)
         return ns, good
 
 

@@ -12,8 +12,8 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from .clock import Clock
-from .layout import TIME, layout_of
-from .rows import MOST_LINES, Tally
+from .layout import TIME_HEADINGS, layout_of
+from .rows import MOST_KEPT_LINES, Tally
 from .source import MOST_COLUMNS, MOST_LINE_BYTES, Source, headings_of, with_head
 
 BLOCK_BYTES = 1 << 20
@@ -26,7 +26,7 @@ BLOCK_BYTES = 1 << 20
 def inspect_csv(path: Path, name: str, names: Collection[str], unit: str | None, stat: Any) -> Source:
     """Look at a CSV file: headings, layout, clock; as `reader.inspect`."""
     found, delimiter, encoding = csv_head(path)
-    if "name" in found and not set(TIME) & {h.lower() for h in found}:
+    if "name" in found and not set(TIME_HEADINGS) & {h.lower() for h in found}:
         raise ValueError("a loop table, not data")
     layout = layout_of(found, path, names)
     source = Source(
@@ -106,11 +106,11 @@ def bad_lines(source: Source, tally: Tally) -> None:
     lines: dict[int, str] = {}
 
     def note(row: Any) -> str:
-        if len(lines) < MOST_LINES:
+        if len(lines) < MOST_KEPT_LINES:
             lines[row.number] = f"{row.actual_columns} cells, expected {row.expected_columns}"
         return "skip"
 
     for _ in csv_batches(source, [source.layout.time], note, threads=False):
-        if len(lines) >= MOST_LINES:
+        if len(lines) >= MOST_KEPT_LINES:
             break
     tally.lines[source.name] = lines

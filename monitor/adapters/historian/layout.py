@@ -10,7 +10,7 @@ from urllib.parse import unquote
 
 NEEDED = ("sp", "pv", "op")
 ROLES = (*NEEDED, "auto", "quality")
-TIME = ("time", "timestamp", "datetime", "date_time")
+TIME_HEADINGS = ("time", "timestamp", "datetime", "date_time")
 """Accepted headings of the time column, the contract's first."""
 LONG, PER_LOOP, WIDE = "long", "per loop", "wide"
 EXPECTED = (
@@ -59,10 +59,10 @@ def layout_of(headings: Sequence[str], path: Path, names: Collection[str] = ()) 
     by_key: dict[str, str] = {}
     for heading in headings:
         key = heading.strip().lower()
-        if key in by_key and (key in TIME or key in ROLES or key == "loop" or "." in key):
+        if key in by_key and (key in TIME_HEADINGS or key in ROLES or key == "loop" or "." in key):
             raise ValueError(f"column {heading!r} stands in it twice")
         by_key.setdefault(key, heading)
-    time = next((by_key[t] for t in TIME if t in by_key), None)
+    time = next((by_key[t] for t in TIME_HEADINGS if t in by_key), None)
     if time is not None:
         for recognise in LAYOUTS:
             found = recognise(by_key, time, path, names)

@@ -14,7 +14,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from monitor.compiled import jit_nogil
-from monitor.contract.samples import Samples, join
+from monitor.contract.samples import Samples
 
 from .clock import MissingHourError, to_utc
 from .layout import LONG
@@ -22,9 +22,9 @@ from .reader import read
 from .rows import HOLD_OP, HOLD_SP, Rows, Tally, UnusableError, join_rows
 from .source import Source
 
-MOST_SORTED = 16_000_000
+MOST_SORTED_ROWS = 16_000_000
 """Rows sorted at a time, unless one loop alone has more: about 1.5 GB."""
-STEP = 1 << 18
+BATCH_ROWS = 1 << 18
 """Samples handed on at a time."""
 
 
@@ -182,7 +182,7 @@ def sorted_samples(
     """
     names = list(wanted)
     rows = sum(rows_of(source, names) for source in sources)
-    parts = max(1, min(len(names), -(-rows // MOST_SORTED)))
+    parts = max(1, min(len(names), -(-rows // MOST_SORTED_ROWS)))
     for k in range(parts):
         some = {name: wanted[name] for name in names[k::parts]}
         own = Tally()
@@ -195,8 +195,8 @@ def sorted_samples(
             # stable by a short integer is a counting sort
             code = everything.loop[order].astype(np.uint16 if len(wanted) < 1 << 16 else np.int32)
             everything = everything.take(order[np.argsort(code, kind="stable")])
-            for at in range(0, len(everything), STEP):
-                samples = gate(everything.take(slice(at, at + STEP)))
+            for at in range(0, len(everything), BATCH_ROWS):
+                samples = gate(everything.take(slice(at, at + BATCH_ROWS)))
                 if len(samples):
                     yield samples
         _count_loops(gate, wanted)
@@ -250,17 +250,3 @@ def _ahead(items: Iterator[Rows]) -> Iterator[Rows]:
         while (now := item.result()) is not None:
             item = pool.submit(next, items, None)
             yield now
-
-
-def load(sources: Sequence[Source], wanted: Mapping[str, int], span: Span, tally: Tally) -> Samples:
-    """Read everything at once: for small data.
-
-    Raises
-    ------
-    UnusableError
-        A file is damaged.
-    """
-    parts = list(sorted_samples(sources, wanted, span, tally))
-    if not parts:
-        return Samples.of(0, [], [], [], [])
-    return join(parts)

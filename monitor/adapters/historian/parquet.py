@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 
 from .clock import Clock
 from .layout import LONG, Layout, layout_of
-from .source import CELLS, HEAD, MOST_COLUMNS, Source, headings_of, with_head
+from .source import BATCH_CELLS, HEAD_ROWS, MOST_COLUMNS, Source, headings_of, with_head
 
 BUFFER_BYTES = 64 << 20
 """Read ahead of a Parquet file, over all columns."""
@@ -44,7 +44,7 @@ def inspect_parquet(path: Path, name: str, names: Collection[str], unit: str | N
         path, name, stat.st_size, stat.st_mtime_ns, "parquet", layout, Clock("text"), meta.num_rows
     )
     wanted = headings_of(layout, None)
-    first = next(file.iter_batches(max(64, min(CELLS // len(wanted), HEAD)), columns=wanted), None)
+    first = next(file.iter_batches(max(64, min(BATCH_CELLS // len(wanted), HEAD_ROWS)), columns=wanted), None)
     return with_head(source, first, unit)
 
 
@@ -77,7 +77,7 @@ def parquet_batches(
     """Read columns of these row groups (None: all): (first row, batch)."""
     loop = source.layout.loop if source.layout.kind == LONG else ""
     file = open_parquet(source.path, loop, len(headings))
-    size = max(64, min(CELLS // len(headings), 1 << 18))
+    size = max(64, min(BATCH_CELLS // len(headings), 1 << 18))
     row = 0
     for g in range(file.num_row_groups):
         n = file.metadata.row_group(g).num_rows

@@ -98,7 +98,7 @@ def read(
     layout = source.layout
     if layout.kind != LONG and not any(name in wanted for name in layout.columns):
         for name in layout.columns:
-            tally.name(name)
+            tally.note_unknown_loop(name)
         return
     headings = headings_of(layout, wanted)
     lost = 0

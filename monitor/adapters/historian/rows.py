@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-UNKNOWN = -1
-"""``auto`` of a row that does not say: the loop's last known mode holds."""
 MOST_NAMES = 100_000
 """Names of loops outside the table that are remembered."""
-MOST_LINES = 50
+MOST_KEPT_LINES = 50
 """Lines that could not be read of which number and cause are remembered, per file."""
-MOST_TEXT = 40
+MOST_TEXT_CHARACTERS = 40
 """Characters of such a text that are kept."""
 MOST_TEXTS = 10_000
 """Different texts in place of values that are told apart."""
@@ -60,15 +58,17 @@ class Rows:
 
     def take(self, rows: Any) -> Rows:
         """Return these rows (index array, mask or slice)."""
-        return Rows(**{name: getattr(self, name)[rows] for name in COLUMNS}, row=self.row)
+        return Rows(**{name: getattr(self, name)[rows] for name in ROW_COLUMNS}, row=self.row)
 
 
-COLUMNS = tuple(f.name for f in fields(Rows) if f.name != "row")
+ROW_COLUMNS = tuple(f.name for f in fields(Rows) if f.name != "row")
 
 
 def join_rows(parts: list[Rows]) -> Rows:
     """Put batches one behind the other."""
-    columns: dict[str, Any] = {name: np.concatenate([getattr(p, name) for p in parts]) for name in COLUMNS}
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(p, name) for p in parts]) for name in ROW_COLUMNS
+    }
     return Rows(**columns, row=parts[0].row)
 
 
@@ -104,21 +104,21 @@ class Tally:
     file_rows: dict[str, int] = field(default_factory=dict)
     """Rows read of each file, whosever they are."""
 
-    def text(self, value: str, times: int) -> None:
+    def count_text(self, value: str, times: int) -> None:
         """Count a text that stood in place of a value; the number of different ones is bounded."""
         self.bad_texts += times
         _bounded(self.texts, value, times)
 
-    def quality(self, value: str, times: int) -> None:
+    def count_quality(self, value: str, times: int) -> None:
         """Count a quality that is not good."""
         _bounded(self.qualities, value, times)
 
-    def time(self, value: object) -> None:
+    def note_bad_time(self, value: object) -> None:
         """Remember what stood in place of a time."""
         if len(self.times) < MOST_TEXTS:
-            self.times.add(str(value)[:MOST_TEXT])
+            self.times.add(str(value)[:MOST_TEXT_CHARACTERS])
 
-    def name(self, name: str) -> None:
+    def note_unknown_loop(self, name: str) -> None:
         """Remember a loop that was not asked for."""
         if len(self.unknown) < MOST_NAMES:
             self.unknown.add(name[:200])
@@ -144,6 +144,6 @@ class Tally:
 
 
 def _bounded(counts: dict[str, int], text: str, times: int) -> None:
-    text = text[:MOST_TEXT]
+    text = text[:MOST_TEXT_CHARACTERS]
     if text in counts or len(counts) < MOST_TEXTS:
         counts[text] = counts.get(text, 0) + times

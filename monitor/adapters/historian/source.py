@@ -17,13 +17,13 @@ from .clock import Clock
 from .columns import clock_of, sparse_of
 from .layout import LONG, Layout
 
-CELLS = 1 << 20
+BATCH_CELLS = 1 << 20
 """Values decoded at a time: 8 MB, so that a batch stays in the cache between reading and detection."""
 MOST_COLUMNS = 100_000
 MOST_LINE_BYTES = 16 << 20
 """Longest line of a CSV file; also what is read of it at a time."""
 ZONED = pa.timestamp("ns", tz="UTC")
-HEAD = 65_536
+HEAD_ROWS = 65_536
 """Rows by which the clock is told."""
 
 
@@ -65,7 +65,9 @@ class Source:
 
 def with_head(source: Source, first: Any, unit: str | None) -> Source:
     """Tell by the first rows how the file tells time, and what it writes only on change."""
-    times = None if first is None else first.column(first.schema.get_field_index(source.layout.time))[:HEAD]
+    times = (
+        None if first is None else first.column(first.schema.get_field_index(source.layout.time))[:HEAD_ROWS]
+    )
     clock = clock_of(times, unit, ZONED, comma=source.comma)
     return replace(source, clock=clock, sparse=sparse_of(first, source.layout))
 

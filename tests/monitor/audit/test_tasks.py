@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from monitor.audit import tasks
-from monitor.audit.result import PARTS
+from monitor.audit.result import PARTS_FOLDER
 from monitor.audit.run import run_audit
 from monitor.audit.settings import AuditSettings
 from monitor.audit.tasks import Part, Task, plan, run_task
@@ -25,7 +25,7 @@ def test_jobs_change_nothing(fleet_data: pd.DataFrame, table: Path, tmp_path: Pa
         assert len(result.events) == 10
         found.append(content(tmp_path / f"o{jobs}"))
     assert found[0] == found[1]
-    assert not (tmp_path / "o2" / PARTS).exists()
+    assert not (tmp_path / "o2" / PARTS_FOLDER).exists()
 
 
 @pytest.mark.parametrize("n", [2, 3, 5])
@@ -73,8 +73,8 @@ def test_resume_takes_over_what_is_done(
     monkeypatch.setattr(tasks, "run_task", stops)
     with pytest.raises(KeyboardInterrupt):
         run_audit([tmp_path / "d.parquet"], table, tmp_path / "out")
-    assert len(list((tmp_path / "out" / PARTS).iterdir())) == 2
-    torn = min((tmp_path / "out" / PARTS).iterdir())
+    assert len(list((tmp_path / "out" / PARTS_FOLDER).iterdir())) == 2
+    torn = min((tmp_path / "out" / PARTS_FOLDER).iterdir())
     torn.write_bytes(torn.read_bytes()[:-5])  # torn: done again
     again: list[Task] = []
     monkeypatch.setattr(

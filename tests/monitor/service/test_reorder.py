@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor.contract.entries import ENTRY, SAMPLE, TAG_AUTO, TAG_OP, TAG_PV, TAG_SP, UNKNOWN
+from monitor.contract.entries import ENTRY, MODE_UNKNOWN, SAMPLE, TAG_AUTO, TAG_OP, TAG_PV, TAG_SP
 from monitor.contract.samples import QUALITY_UNCERTAIN, Samples, join
 from monitor.service.reorder import HELD_ENTRIES, Reorder
 
@@ -72,7 +72,7 @@ class Twin:
             if kind in hold:
                 value = {TAG_SP: values[0], TAG_OP: values[2], TAG_AUTO: int(x["auto"])}[kind]
                 good = x["quality"] >= QUALITY_UNCERTAIN and (
-                    value != UNKNOWN if kind == TAG_AUTO else math.isfinite(value)
+                    value != MODE_UNKNOWN if kind == TAG_AUTO else math.isfinite(value)
                 )
                 if good and (hold[kind][0] is None or time > hold[kind][0]):
                     hold[kind] = (time, value)
@@ -101,7 +101,7 @@ def arrivals_within(draw, window=2.0, most=50):
         kind = draw(st.sampled_from([SAMPLE, SAMPLE, TAG_SP, TAG_OP, TAG_AUTO, TAG_PV]))
         t = draw(st.integers(0, 40)) * 0.25
         quality = draw(st.sampled_from([192, 192, 192, 216, 64, 0]))
-        auto = draw(st.sampled_from([0, 1, UNKNOWN])) if kind == TAG_AUTO else 1
+        auto = draw(st.sampled_from([0, 1, MODE_UNKNOWN])) if kind == TAG_AUTO else 1
         value = draw(st.sampled_from([float(k), float(k), float(k), NAN]))
         rows.append((t, draw(st.integers(0, 2)), kind, auto, quality, value, draw(st.floats(0, window))))
     # each is delayed by at most the window: nothing arrives after what is newer by more than that
@@ -171,7 +171,7 @@ def test_what_is_older_than_a_released_one_is_late():
         pytest.param({"op": NAN}, id="no-op"),
         pytest.param({"pv": math.inf}, id="infinite"),
         pytest.param({"quality": 0}, id="bad-quality"),
-        pytest.param({"kind": TAG_AUTO, "auto": UNKNOWN}, id="mode-not-read"),
+        pytest.param({"kind": TAG_AUTO, "auto": MODE_UNKNOWN}, id="mode-not-read"),
         pytest.param({"kind": TAG_SP, "sp": NAN}, id="tag-without-value"),
         pytest.param({"kind": TAG_PV, "quality": 0}, id="bad-tag"),
     ],
@@ -278,7 +278,7 @@ def test_a_bad_tag_leaves_the_last_good_one():
         [
             entries(
                 entry(0, TAG_SP, sp=50.0), entry(0, TAG_OP, op=10.0), entry(0, TAG_AUTO, auto=0),
-                entry(1, TAG_SP, sp=99.0, quality=0), entry(1, TAG_OP, op=NAN), entry(1, TAG_AUTO, auto=UNKNOWN),
+                entry(1, TAG_SP, sp=99.0, quality=0), entry(1, TAG_OP, op=NAN), entry(1, TAG_AUTO, auto=MODE_UNKNOWN),
                 entry(2, TAG_PV, pv=1.0),
             )
         ],

@@ -11,9 +11,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor.contract.entries import LARGEST, SAMPLE, TAG_AUTO, TAG_OP, TAG_PV, TAG_SP, UNKNOWN
+from monitor.contract.entries import (
+    MODE_UNKNOWN,
+    MOST_PAYLOAD_BYTES,
+    SAMPLE,
+    TAG_AUTO,
+    TAG_OP,
+    TAG_PV,
+    TAG_SP,
+)
 from monitor.contract.loops import Loop, LoopTable, default_key
-from monitor.wire.decode import MOST_BATCHES, MOST_KEYS, MOST_ROWS, Decoder
+from monitor.wire.decode import MOST_FRAME_BATCHES, MOST_FRAME_ROWS, MOST_KEYS, Decoder
 from tests.monitor.wire.tools import (
     FRAME,
     NAN,
@@ -51,7 +59,7 @@ def test_a_tag_is_a_number_or_an_object(key, kind, field, payload):
     ("payload", "mode"),
     [
         (b"1", 1), (b"0", 0), (b"true", 1), (b"false", 0), (b'{"v": false}', 0), (b"2", 1),
-        (b'"MAN"', UNKNOWN), (b"null", UNKNOWN), (b'{"v": "Bad Input"}', UNKNOWN), (b"{}", UNKNOWN),
+        (b'"MAN"', MODE_UNKNOWN), (b"null", MODE_UNKNOWN), (b'{"v": "Bad Input"}', MODE_UNKNOWN), (b"{}", MODE_UNKNOWN),
     ],
 )  # fmt: skip
 def test_a_mode_that_cannot_be_read_is_none(payload, mode):
@@ -143,18 +151,18 @@ def test_times_that_are_none_and_the_future(t, cause):
 
 def test_large_payloads_rows_and_batches_are_refused():
     """By bytes, by rows, by the number of batches."""
-    _, decoder = decode(("plant/L0", b" " * (LARGEST + 1)))
+    _, decoder = decode(("plant/L0", b" " * (MOST_PAYLOAD_BYTES + 1)))
     assert refused(decoder) == {"too_large": 1}
-    one = pa.array(np.ones(MOST_ROWS + 1), pa.float32())
+    one = pa.array(np.ones(MOST_FRAME_ROWS + 1), pa.float32())
     cols = {
-        "loop": dictionary([0] * (MOST_ROWS + 1), ["L0"]),
+        "loop": dictionary([0] * (MOST_FRAME_ROWS + 1), ["L0"]),
         "time": one.cast(pa.int8()),
         "sp": one.cast(pa.int8()),
     }
     cols |= {"pv": one.cast(pa.int8()), "op": one.cast(pa.int8())}
     assert refused(decode((FRAME, frame(cols)))[1]) == {"too_large": 1}
-    assert refused(decode((FRAME, frame(columns(1), times=MOST_BATCHES + 1)))[1]) == {"too_large": 1}
-    assert len(decode((FRAME, frame(columns(1), times=MOST_BATCHES)))[0]) == MOST_BATCHES
+    assert refused(decode((FRAME, frame(columns(1), times=MOST_FRAME_BATCHES + 1)))[1]) == {"too_large": 1}
+    assert len(decode((FRAME, frame(columns(1), times=MOST_FRAME_BATCHES)))[0]) == MOST_FRAME_BATCHES
 
 
 def test_what_strangers_send_is_remembered_only_so_far():

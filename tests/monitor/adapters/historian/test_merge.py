@@ -109,8 +109,8 @@ def test_order_is_told_per_loop(tmp_path: Path) -> None:
 def test_sorting_some_loops_at_a_time_gives_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = frame()
     found = sources(write(data[::-1], tmp_path / "d.parquet"))
-    monkeypatch.setattr(merge, "MOST_SORTED", 10)
-    monkeypatch.setattr(merge, "STEP", 7)
+    monkeypatch.setattr(merge, "MOST_SORTED_ROWS", 10)
+    monkeypatch.setattr(merge, "BATCH_ROWS", 7)
     tally = Tally()
     parts = list(sorted_samples(found, WANTED, Span(), tally))
     assert len(parts) > 4

@@ -9,7 +9,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from monitor.adapters.historian.merge import Span, in_order, load
+from monitor.adapters.historian.merge import Span, in_order
 from monitor.adapters.historian.reader import read, scan
 from monitor.adapters.historian.rows import Tally
 from monitor.contract.samples import join
@@ -19,6 +19,7 @@ from tests.monitor.adapters.historian.tools import (
     all_of,
     equal,
     frame,
+    load,
     samples_of,
     sources,
     write,

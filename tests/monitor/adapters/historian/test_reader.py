@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor.adapters.historian.merge import Span, in_order, load
+from monitor.adapters.historian.merge import Span, in_order
 from monitor.adapters.historian.reader import inspect, read, scan
 from monitor.adapters.historian.rows import Tally, UnusableError
 from monitor.adapters.historian.source import MOST_COLUMNS
@@ -21,6 +21,7 @@ from tests.monitor.adapters.historian.tools import (
     by_loop,
     equal,
     frame,
+    load,
     samples_of,
     sources,
     wide,

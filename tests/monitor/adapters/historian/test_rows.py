@@ -38,13 +38,13 @@ def test_what_is_remembered_is_bounded(monkeypatch):
     monkeypatch.setattr(rows, "MOST_NAMES", 3)
     tally = Tally()
     for k in range(10):
-        tally.text(f"{k}" * 1000, 2)
-        tally.quality(f"q{k}", 1)
-        tally.time(f"t{k}")
-        tally.name(f"L{k}" * 1000)
+        tally.count_text(f"{k}" * 1000, 2)
+        tally.count_quality(f"q{k}", 1)
+        tally.note_bad_time(f"t{k}")
+        tally.note_unknown_loop(f"L{k}" * 1000)
     assert tally.bad_texts == 20
     assert sum(tally.texts.values()) <= 20
-    assert max(len(t) for t in tally.texts) <= rows.MOST_TEXT
+    assert max(len(t) for t in tally.texts) <= rows.MOST_TEXT_CHARACTERS
     assert len(tally.texts) <= 4  # the rest is counted together
     assert len(tally.times) == len(tally.unknown) == 3
     assert max(len(n) for n in tally.unknown) == 200
@@ -56,9 +56,9 @@ def test_counts_of_tasks_add_up(cut):
 
     def count(tally: Tally, k: int) -> None:
         tally.rows += 10 * k
-        tally.text("Bad", k)
-        tally.quality("Uncertain", 1)
-        tally.name(f"L{k % 2}")
+        tally.count_text("Bad", k)
+        tally.count_quality("Uncertain", 1)
+        tally.note_unknown_loop(f"L{k % 2}")
         tally.loop_rows["A"] = tally.loop_rows.get("A", 0) + k
 
     whole, first, second = Tally(), Tally(), Tally()

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from monitor.adapters.historian.clock import EXCEL_EPOCH
-from monitor.adapters.historian.merge import Span, load
+from monitor.adapters.historian.clock import EXCEL_EPOCH_DAYS
+from monitor.adapters.historian.merge import Span, sorted_samples
 from monitor.adapters.historian.reader import inspect
 from monitor.adapters.historian.rows import Tally
 from monitor.adapters.historian.source import Source
-from monitor.contract.samples import Samples
+from monitor.contract.samples import Samples, join
 
 START = np.datetime64("2026-03-01T00:00:00", "ns").astype(np.int64)
 SECOND = 10**9
 FIELDS = ("loop", "time", "sp", "pv", "op", "auto", "quality")
 NAMES = ("LIC-101", "FIC 2.A")
+
+
+def load(sources: Sequence[Source], wanted: Mapping[str, int], span: Span, tally: Tally) -> Samples:
+    """Read everything at once."""
+    parts = list(sorted_samples(sources, wanted, span, tally))
+    return join(parts) if parts else Samples.of(0, [], [], [], [])
 
 
 def frame(n: int = 40, seed: int = 0, auto: bool = True, quality: bool = True) -> pd.DataFrame:
@@ -68,7 +75,7 @@ def write(data: pd.DataFrame, path: Path, time: str = "timestamp", **options: ob
     elif time == "naive":
         data["time"] = pd.to_datetime(data["time"]).dt.strftime("%Y-%m-%d %H:%M:%S.%f")
     elif time == "excel":
-        data["time"] = data["time"] / 86_400e9 + EXCEL_EPOCH
+        data["time"] = data["time"] / 86_400e9 + EXCEL_EPOCH_DAYS
     else:
         data["time"] = data["time"] / {"s": 1e9, "ms": 1e6, "us": 1e3}[time] if time != "ns" else data["time"]
     if path.suffix == ".parquet":

@@ -203,6 +203,16 @@ def test_the_hooks_and_the_workflow_call_what_ci_calls():
         assert re.search(rf'\$bin/{tool}" ?{" ".join(words)}', script), hook
 
 
+def test_programs_shown_are_there():
+    """What a page calls by `python -m` or `python ...py` exists."""
+    said = "\n".join(text(page) for page in PAGES)
+    for name in re.findall(r"python3? -m ((?:tests|monitor)[\w.]*)", said):
+        home = ROOT.joinpath(*name.split("."))
+        assert home.with_suffix(".py").exists() or (home / "__main__.py").exists(), name
+    for name in re.findall(r"python3? ([\w/]+\.py)", said):
+        assert (ROOT / name).exists(), name
+
+
 def test_the_one_command_that_builds_the_documentation_is_said():
     """CONTRIBUTING has it as the test of the site runs it."""
     assert "sphinx-build -W --keep-going docs docs/_build/html" in text("CONTRIBUTING.md")

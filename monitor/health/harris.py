@@ -85,12 +85,16 @@ def spread_of(own: Any) -> float | None:
 
 
 def _levinson(acf: Any) -> tuple[Any, float]:
-    """Solve the Yule-Walker equations; return the coefficients and the share of the variance that is left."""
+    """Solve the Yule-Walker equations; return the coefficients and the share of the variance that is left.
+
+    `scipy.linalg.solve_toeplitz` gives the same to rounding, but anything where the estimate is not positive definite:
+    then the order before is the answer.
+    """
     a = np.zeros(MODEL_ORDER)
     left = 1.0
     for k in range(MODEL_ORDER):
         reflection = (acf[k + 1] - a[:k] @ acf[k:0:-1]) / left
-        if abs(reflection) >= 1.0:  # an estimate that is not positive definite: stop at the order before
+        if abs(reflection) >= 1.0:
             break
         a[:k] -= reflection * a[:k][::-1].copy()
         a[k] = reflection

@@ -10,10 +10,7 @@ import pytest
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector
-from monitor.health.block import BLOCK_LENGTH
-from monitor.health.level import ACF_LAGS
 from monitor.health.loop_health import figures
-from monitor.health.oscillation import cycle
 from sim_plants.controllers import Controller
 from sim_plants.loops import Simulation
 from sim_plants.plants import Plant
@@ -66,17 +63,3 @@ def test_a_new_sample_period_begins_anew():
     detector.run(Samples.of(0, time, np.full(len(e), 50.0), 50.0 - e, 30.0 + e))
     found = figures(detector.health[0], float(detector.state["period"][0]))
     assert found.oscillation_period == pytest.approx(200, rel=0.03)
-
-
-def test_the_cycle_in_an_exact_autocorrelation():
-    """The shortest of all periods that fit, and how it fades."""
-    lags = np.arange(ACF_LAGS)
-    for period in (5.0, 7.3, 12.0, 20.0):
-        found, strength, fading = cycle(np.cos(2 * np.pi * lags / period))
-        assert found == pytest.approx(period, rel=0.02)
-        assert strength == pytest.approx(1, abs=0.05)
-        assert fading == pytest.approx(1, abs=0.05)
-    half = 0.5 ** (lags / 12.0) * np.cos(2 * np.pi * lags / 12.0)
-    assert cycle(half)[2] == pytest.approx(0.5, abs=0.03)
-    assert cycle(np.cos(2 * np.pi * lags / 3.0))[0] == 0
-    assert cycle(np.cos(2 * np.pi * lags / (2 * BLOCK_LENGTH)))[0] == 0

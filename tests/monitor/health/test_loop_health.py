@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import lfilter
 
 from monitor.contract.loops import Loop
 from monitor.detect.detector import Detector
 from monitor.health.loop_health import Health
-from tests.monitor.health.tools import N, health, look, mixed, noise, run, samples_of
+from tests.monitor.health.tools import health, look, mixed, noise, run, samples_of
 
 WEEK = 7 * 86400
 
@@ -24,23 +23,6 @@ def test_nothing_is_known_of_a_loop_without_samples():
     """And of one with a single sample."""
     assert look(Detector([Loop(name="L")])) == Health()
     assert health(50.0, 50.0, np.full(1, 30.0)) == Health()
-
-
-def test_manual_and_coverage_are_shares_of_time():
-    """A quarter in manual; a tenth of the time missing in gaps."""
-    auto = np.arange(N) % 400 >= 100
-    assert health(50.0, 50 + noise(), 30.0, auto).manual == pytest.approx(0.25, abs=0.02)
-    time = np.arange(N) + 100.0 * (np.arange(N) // 1000)
-    assert health(50.0, 50 + noise(), 30.0, time=time).coverage == pytest.approx(N / (N + 200), abs=2e-3)
-
-
-def test_a_permanent_offset_is_one_that_never_goes_away():
-    """On one side for good, and more than noise; a wandering error and a small bias are none."""
-    assert health(50.0, 47 + noise(), 30.0).settled_offset
-    assert health(50.0, 47 + noise(), 30.0).offset == pytest.approx(3.0, abs=0.1)
-    assert not health(50.0, 50.2 + noise(), 30.0).settled_offset
-    wander = 50 + lfilter([1], [1, -0.98], noise())
-    assert not health(50.0, wander, 30.0).settled_offset
 
 
 @settings(max_examples=10)

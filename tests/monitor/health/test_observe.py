@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,8 +11,10 @@ from hypothesis import strategies as st
 
 from monitor.contract.loops import Loop
 from monitor.detect.detector import Detector
+from monitor.detect.state import QUIET
 from monitor.health.observe import HEALTH
-from tests.monitor.health.tools import look, mixed, run
+from tests.monitor.health.naive import TWINS, Seen
+from tests.monitor.health.tools import mixed, run, samples_of
 
 
 @settings(max_examples=10)
@@ -21,28 +25,73 @@ def test_chunks_do_not_matter(chunk):
     assert whole.health.tobytes() == parts.health.tobytes()
 
 
-def test_shares_and_means_equal_their_naive_twins_at_every_prefix():
-    """In ten lines of plain Python."""
-    samples = mixed(700)
-    detector = Detector([Loop(name="L", period=1.0)])
-    t, sp, pv, auto = (getattr(samples, n).tolist() for n in ("time", "sp", "pv", "auto"))
-    good = hand = error = size = known = 0.0
-    for k in range(len(samples)):
-        detector.run(samples.take(slice(k, k + 1)))
-        dt = (t[k] - t[k - 1]) * 1e-9 if k else 0.0
-        if 0 < dt < 3.5:
-            good += min(dt, 1.5)
-            hand += 0.0 if auto[k - 1] else dt
-            if auto[k - 1] and auto[k]:
-                known += dt
-                error += (sp[k - 1] - pv[k - 1]) * dt
-                size += abs(sp[k - 1] - pv[k - 1]) * dt
-        if known:
-            found = look(detector)
-            assert found.coverage == pytest.approx(good / ((t[k] - t[0]) * 1e-9))
-            assert found.manual == pytest.approx(min(hand / good, 1))
-            assert found.offset == pytest.approx(error / known)
-            assert found.mean_abs_e == pytest.approx(size / known)
+@pytest.fixture(scope="module")
+def history() -> tuple[Seen, list[Any]]:
+    """Samples with all that the sums must cope with, once a second, and a loop's record after each of them.
+
+    Noise and a swing; PV in steps, at times the same; OP at its limits, held, and following; manual; a gap.
+    """
+    n = 1500
+    rng = np.random.default_rng(5)
+    k = np.arange(n)
+    time = k + 500.0 * (k >= 900)
+    pv = np.round(50 - np.sin(2 * np.pi * k / 17) - 0.2 * rng.normal(size=n), 3)
+    pv[(k % 400 > 350) & (k % 3 > 0)] = 49.3
+    op = np.clip(30 - 3 * (pv - 50) + 0.3 * rng.normal(size=n), 28, 32)
+    op[1100:1350] = 30.0
+    auto = (k < 450) | (k >= 470)
+    detector = Detector([Loop(name="L", period=1.0, op_low=28.0, op_high=32.0)])
+    samples = samples_of(50.0, pv, op, auto, time=time)
+    records, quiet = [], []
+    for at in range(n):
+        quiet.append(bool(detector.state["phase"][0] <= QUIET))
+        detector.run(samples.take(slice(at, at + 1)))
+        records.append(detector.health[0].copy())
+    return Seen(time, np.full(n, 50.0), pv, op, auto, np.array(quiet), 28.0, 32.0), records
+
+
+@pytest.mark.parametrize("module", TWINS)
+def test_sums_equal_their_naive_twins_at_every_prefix(history, module):
+    """Every sum that a plain formula gives."""
+    seen, records = history
+    for n in range(2, len(records) + 1):
+        if n > 200 and n % 7 and n < len(records):  # the formulas begin at the first sample each time
+            continue
+        for name, value in TWINS[module](seen.until(n)).items():
+            found = records[n - 1][module][name]
+            inside = value.items() if isinstance(value, dict) else [(None, value)]
+            for field, expected in inside:
+                part = found if field is None else found[field]
+                least = part[: len(expected)] if field or name == "products" else part
+                np.testing.assert_allclose(
+                    least, expected, rtol=2e-5, atol=1e-8, err_msg=f"{n}: {name} {field}"
+                )
+
+
+def test_nothing_reaches_across_a_gap(history):
+    """What is set anew before it is read may have been anything."""
+    seen, _ = history
+    samples = samples_of(seen.sp, seen.pv, seen.op, seen.auto, time=seen.time)
+    one, other = (run(samples.take(slice(901)), op_low=28.0) for _ in range(2))
+    for name in ("last", "middle", "side", "since"):
+        other.health["travel"]["levels"][name] = 1e9
+    other.health["autocorrelation"]["levels"]["block"] = 1e9
+    for detector in (one, other):
+        detector.run(samples.take(slice(901, None)))
+    for module in TWINS:
+        for a, b in zip(sums_of(one.health[module]), sums_of(other.health[module]), strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def sums_of(record: Any) -> list[Any]:
+    """Return the values of all fields, inner records too, but those that begin with the next average."""
+    out = []
+    for name in record.dtype.names:
+        if record[name].dtype.names:
+            out += sums_of(record[name])
+        elif name not in {"last", "middle", "side", "since", "block"}:
+            out.append(record[name])
+    return out
 
 
 def test_bad_samples_leave_no_trace():

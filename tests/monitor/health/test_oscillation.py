@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from monitor.health.block import BLOCK_LENGTH
+from monitor.health.level import ACF_LAGS
+from monitor.health.oscillation import cycle
 from sim_plants.specs import Steps
 from tests.monitor.health.cycles import FLOW, LEVEL, health, noise, of_error, simulated
 
 
-# -- oscillation ---------------------------------------------------------------------------------------
 @pytest.mark.parametrize("cycle_time", [6, 9, 15.5, 20.6, 21, 40, 83, 84, 300, 1000, 2500])
 @pytest.mark.parametrize("ratio", [1.5, 20.0])
 def test_a_sine_is_found_with_its_period(cycle_time, ratio):
@@ -86,3 +88,25 @@ def test_a_quantised_pv_that_flips_is_no_oscillation():
     """Between two neighbouring values."""
     pv = np.round(50.45 + 0.1 * np.sin(2 * np.pi * np.arange(4000) / 40) + 0.02 * noise(4000))
     assert not health(50.0, pv, 30.0 - 0.01 * np.cumsum(pv - 50.45)).oscillating
+
+
+def test_an_error_that_alternates_is_undersampled():
+    """Two samples a cycle; white noise is not."""
+    assert health(
+        50.0, 50 + np.cos(np.pi * 0.97 * np.arange(3000)) + 0.1 * noise(3000), 30 + noise(3000)
+    ).undersampled
+    assert not health(50.0, 50 + noise(3000), 30 - noise(3000)).undersampled
+
+
+def test_the_cycle_in_an_exact_autocorrelation():
+    """The shortest of all periods that fit, and how it fades."""
+    lags = np.arange(ACF_LAGS)
+    for period in (5.0, 7.3, 12.0, 20.0):
+        found, strength, fading = cycle(np.cos(2 * np.pi * lags / period))
+        assert found == pytest.approx(period, rel=0.02)
+        assert strength == pytest.approx(1, abs=0.05)
+        assert fading == pytest.approx(1, abs=0.05)
+    half = 0.5 ** (lags / 12.0) * np.cos(2 * np.pi * lags / 12.0)
+    assert cycle(half)[2] == pytest.approx(0.5, abs=0.03)
+    assert cycle(np.cos(2 * np.pi * lags / 3.0))[0] == 0
+    assert cycle(np.cos(2 * np.pi * lags / (2 * BLOCK_LENGTH)))[0] == 0

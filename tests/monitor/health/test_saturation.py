@@ -26,3 +26,11 @@ def test_saturation_without_limits_is_rest_at_own_extremes():
     assert health(50.0, 50 + noise(), 30 + noise()).saturation == 0
     coarse = np.round(30 + np.sin(np.arange(N) / 40))
     assert health(50.0, 50 + noise(), coarse).saturation == 0
+
+
+def test_an_output_that_rests_while_the_error_moves_is_held():
+    """From 200 samples on; not if it is at its limit."""
+    e = np.cumsum(0.1 * noise())
+    assert health(50.0, 50 - e, 30.0).held == pytest.approx(1, abs=0.1)
+    assert health(50.0, 50 - e, 100.0, op_high=100.0).held == 0
+    assert health(50.0, 50 - e, 30 + e).held == 0

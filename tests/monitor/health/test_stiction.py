@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+from monitor.health import stiction
+from monitor.health.block import BLOCK_LENGTH
 from sim_plants.controllers import Controller
 from sim_plants.loops import Simulation
 from sim_plants.specs import LoopSpec, Steps
 from tests.monitor.health.cycles import FLOW, LEVEL, health, noise, of_error, simulated
+from tests.monitor.health.naive import cycles_of
 
 
 @pytest.mark.parametrize("plant", [LEVEL, FLOW])
@@ -83,3 +87,33 @@ def test_a_limit_cycle_of_the_limits_is_not_the_valves():
     assert found.saturation is not None
     assert found.saturation > 0.1
     assert (found.stiction or 0.0) < 0.5
+
+
+def test_sums_over_cycles_equal_their_naive_twin_at_every_prefix():
+    """Cycles of all lengths and shapes: a resonance that noise excites, a sawtooth."""
+    w = noise(900)
+    swing = lfilter([1], [1, -2 * 0.98 * np.cos(2 * np.pi / 21), 0.98**2], w)
+    saw = np.arange(600) % 25 / 12.5 - 1 + 0.05 * noise(600)
+    for e in (swing, saw):
+        own = np.zeros(1, stiction.DTYPE)[0]
+        block = np.zeros(BLOCK_LENGTH)
+        for k, value in enumerate(e):
+            at = k % BLOCK_LENGTH
+            block[at] = value
+            stiction.update(own, block, value, at)
+            if k % 11 == 0 or k == len(e) - 1:
+                for name, expected in cycles_of(e[: k + 1]).items():
+                    assert own[name] == pytest.approx(expected, rel=1e-6, abs=1e-9), name
+        assert own["cycles"] > 20
+
+
+def test_cycles_of_one_size_are_alike():
+    """The spread of the amplitudes is that of a normal distribution with the same shortest half."""
+    rng = np.random.default_rng(0)
+    own = np.zeros(1, stiction.DTYPE)[0]
+    for spread in (0.1, 0.3):
+        classes = np.round(spread * rng.normal(size=4000) / np.log(2) * stiction.CLASSES_PER_OCTAVE).astype(
+            int
+        )
+        own["times"] = np.bincount(classes % stiction.SIZE_CLASSES, minlength=stiction.SIZE_CLASSES)
+        assert stiction.spread_of(own) == pytest.approx(spread, rel=0.1)

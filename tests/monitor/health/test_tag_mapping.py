@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -19,14 +21,6 @@ def test_wrong_tags_are_suspected():
     assert tracks.held == 1
     assert not health(50.0, 50 + noise(), 30 - noise()).mapping
     assert not health(50.0, 50 + noise(), 30 - np.cumsum(0.1 * noise())).mapping
-
-
-def test_an_output_that_rests_while_the_error_moves_is_held():
-    """From 200 samples on; not if it is at its limit."""
-    e = np.cumsum(0.1 * noise())
-    assert health(50.0, 50 - e, 30.0).held == pytest.approx(1, abs=0.1)
-    assert health(50.0, 50 - e, 100.0, op_high=100.0).held == 0
-    assert health(50.0, 50 - e, 30 + e).held == 0
 
 
 def test_a_moving_set_point_is_seen():
@@ -49,3 +43,22 @@ def test_one_odd_value_does_not_condemn_the_tags(at, value):
         assert not found.mapping
     slow = 50 + lfilter([0, 0.05], [1, -0.95], sp - 50) + e
     assert not health(np.where(odd, value, sp), slow, op).undersampled
+
+
+def test_a_change_of_unit_is_not_a_step():
+    """degC to degF on SP and PV at once; a set-point step that PV follows at once by OP is a step."""
+    later = np.arange(N) >= 1500
+    pv = 50 + 0.3 * noise()
+    sp = np.where(later, 122.0, 50.0)
+    assert health(sp, np.where(later, 1.8 * pv + 32, pv), 30 - 0.1 * noise()).config_change
+    assert not health(sp, pv + 72 * later, 30 - 0.1 * noise() + 20 * later).config_change
+    assert not health(50.0, pv, 30 - 0.1 * noise()).config_change
+
+
+@pytest.mark.parametrize(("lag", "coarse"), [(0.5, True), (20.0, False)])
+def test_a_response_over_before_it_is_seen_is_undersampled(lag, coarse):
+    """PV follows SP with a lag of half a sample, or of twenty."""
+    sp = 50.0 + 5 * (np.arange(N) % 600 >= 300)
+    a = math.exp(-1 / lag)
+    pv = 50 + lfilter([0, 1 - a], [1, -a], sp - 50) + 0.1 * noise()
+    assert health(sp, pv, 30 - 0.1 * noise() + sp).undersampled is coarse

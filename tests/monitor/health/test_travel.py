@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from tests.monitor.health.tools import N, health, look, noise, run, samples_of
 
 
-def test_travel_counts_the_way_not_the_noise():
+def test_travel_counts_the_path_not_the_noise():
     """A sine of amplitude 5 goes 20 a cycle and turns twice, with or without noise; noise alone goes nowhere."""
     t = np.arange(20 * N)
     swing = 30 + 5 * np.sin(2 * np.pi * t / 500)

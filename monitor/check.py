@@ -1,6 +1,6 @@
 """``loopsight check``: every problem of a configuration, loop table or data file, before it is used.
 
-Importing this module is cheap; what a check needs is imported where it runs.
+Arrow, and what is compiled, is imported only for a file that needs it.
 """
 
 from __future__ import annotations
@@ -12,11 +12,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from monitor.adapters.historian.clock import zone_of
+from monitor.adapters.historian.rows import Tally, UnusableError
+from monitor.adapters.loop_table import read_loop_table
+from monitor.contract.loop_fields import parse_row
+from monitor.contract.loops import LoopTable, LoopTableError
+from monitor.contract.samples import Samples
+from monitor.contract.text import short
+from monitor.contract.times import iso
+from monitor.service.config import problems
+
 if TYPE_CHECKING:
-    from monitor.adapters.historian.rows import Tally
     from monitor.adapters.historian.source import Source
-    from monitor.contract.loops import LoopTable
-    from monitor.contract.samples import Samples
 
 MOST_PROBLEMS = 50
 """Problems of one kind in one file that are named; the rest is counted."""
@@ -61,8 +70,6 @@ def check_file(path: Path, tz: str | None = None, time_unit: str | None = None) 
 
 
 def _config(path: Path) -> Finding:
-    from monitor.service.config import problems  # noqa: PLC0415
-
     return Finding("configuration", problems(path))
 
 
@@ -75,9 +82,6 @@ def _has_names(path: Path) -> bool:
 
 
 def _table(path: Path) -> Finding:
-    from monitor.adapters.loop_table import read_loop_table  # noqa: PLC0415
-    from monitor.contract.loops import LoopTableError  # noqa: PLC0415
-
     try:
         table = read_loop_table(path)
     except LoopTableError as error:
@@ -99,10 +103,8 @@ def _unused(path: Path, table: LoopTable) -> list[str]:
 
 def _data(path: Path, tz: str | None, time_unit: str | None) -> Finding:
     """Read all of a data file as the audit would."""
-    from monitor.adapters.historian.clock import zone_of  # noqa: PLC0415
     from monitor.adapters.historian.merge import OutOfOrderError, Span, in_order, sorted_samples  # noqa: PLC0415
     from monitor.adapters.historian.reader import inspect, scan  # noqa: PLC0415 (pyarrow)
-    from monitor.adapters.historian.rows import Tally, UnusableError  # noqa: PLC0415
 
     span = Span(zone=zone_of(tz or "UTC"))
     try:
@@ -133,10 +135,6 @@ def _data(path: Path, tz: str | None, time_unit: str | None) -> Finding:
 
 def _facts(batches: Iterator[Samples], loops: int) -> str:
     """Count samples; say their span and their period, by the first steps of each loop."""
-    import numpy as np  # noqa: PLC0415
-
-    from monitor.contract.times import iso  # noqa: PLC0415
-
     n, first, last = 0, np.iinfo(np.int64).max, np.iinfo(np.int64).min
     periods = np.full(loops, np.nan)
     for samples in batches:
@@ -173,8 +171,6 @@ def _notes(source: Source, tally: Tally, tz: str | None) -> str:
 
 
 def _names_wrong(path: Path, names: list[str]) -> list[str]:
-    from monitor.contract.loop_fields import parse_row  # noqa: PLC0415
-    from monitor.contract.text import short  # noqa: PLC0415
 
     wrong = []
     for name in names:

@@ -5,7 +5,8 @@ differs in length (states, matrices, delay line) stands in one flat pool of numb
 Each function takes the record `r` of one loop and the pool `z`, and works on deviations inside the plant.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numba import njit
@@ -102,6 +103,15 @@ Records = NDArray[np.void]
 Record = Any  # numpy.void in Python, a record with fields as attributes in compiled code
 
 
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def jit(function: F) -> F:
+    """Compile a function when it is first called, and keep it on disk."""
+    compiled: F = njit(cache=True)(function)  # numba has no types
+    return compiled
+
+
 class Columns(NamedTuple):
     """Samples, each `(N,)`, sorted by time, then loop."""
 
@@ -113,7 +123,7 @@ class Columns(NamedTuple):
     auto: NDArray[np.bool_]
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]  # numba has no types
+@jit
 def uniform(r: Record) -> float:
     """Next number of the loop's own stream, uniform in (0, 1]."""
     r.random += _GAMMA
@@ -124,7 +134,7 @@ def uniform(r: Record) -> float:
     return ((word >> np.uint64(11)) + 1.0) * _UNIT  # type: ignore[no-any-return]
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@jit
 def due(r: Record, plan: Records, channel: int) -> int:
     """Index of a step of the channel that acts at the present sample, and move on; -1 if there is none."""
     step = r.step_next[channel]
@@ -138,7 +148,7 @@ def due(r: Record, plan: Records, channel: int) -> int:
     return step  # type: ignore[no-any-return]
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@jit
 def steps(r: Record, plan: Records, channel: int) -> float:
     """Sum of the steps of the channel that act at the present sample."""
     total = 0.0
@@ -149,7 +159,7 @@ def steps(r: Record, plan: Records, channel: int) -> float:
     return total
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@jit
 def set_point(r: Record, moved: float) -> None:
     """Move SP towards its target, and by what a master does; the master draws a pair of numbers a scan."""
     r.target += moved
@@ -162,7 +172,7 @@ def set_point(r: Record, moved: float) -> None:
     r.sp = r.moving + r.mastered
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@jit
 def measure(r: Record, z: Pool) -> float:
     """PV with noise and quantisation; the load's random walk draws from the same pair of numbers."""
     pv = r.pv0 + z[r.x + r.order - 1]
@@ -179,7 +189,7 @@ def measure(r: Record, z: Pool) -> float:
     return pv  # type: ignore[no-any-return]
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@jit
 def control(r: Record, pv: float, moved: float) -> None:
     """One scan of the controller: backward differences, limits, anti-windup, bumpless transfer.
 
@@ -205,7 +215,7 @@ def control(r: Record, pv: float, moved: float) -> None:
         r.integral += r.track * (r.op - wish)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@jit
 def move(r: Record, z: Pool) -> None:
     """Carry the plant over one sample period under its held, delayed input and its load."""
     if abs(r.op - r.valve) > r.stiction:
@@ -222,7 +232,7 @@ def move(r: Record, z: Pool) -> None:
         z[r.x + row] = total
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@jit
 def add_loads(r: Record, plan: Records, z: Pool) -> None:
     """Add the loads that reach the plant within the period just passed, at whatever instant."""
     step = due(r, plan, LOAD)
@@ -233,7 +243,7 @@ def add_loads(r: Record, plan: Records, z: Pool) -> None:
         step = due(r, plan, LOAD)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@jit
 def advance(loops: Records, plan: Records, z: Pool, start_ns: int, until_ns: int, out: Columns) -> int:
     """Sample every loop before `until_ns` [ns since the start] into `out`; returns the number of samples."""
     n = 0

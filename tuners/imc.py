@@ -9,7 +9,14 @@ import math
 
 import numpy as np
 
-from tuners.models import FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
+from tuners.models import (
+    FloatOrArray,
+    IntegratingModel,
+    Model,
+    SelfRegulatingModel,
+    as_integrating,
+    as_self_regulating,
+)
 from tuners.settings import Settings, plain, with_filter
 from tuners.simc import loop_time
 
@@ -22,9 +29,7 @@ def ipdt(model: Model) -> IntegratingModel:
     ValueError
         For a self-regulating model, or one without any dead time after the half rule.
     """
-    if isinstance(model, SelfRegulatingModel):
-        raise ValueError("process = self-regulating: this rule is for integrating processes")  # noqa: TRY004
-    reduced = model.without_lag()
+    reduced = as_integrating(model).without_lag()
     if np.any(np.asarray(reduced.dead_time) <= 0):
         raise ValueError("dead_time = 0: this rule needs a dead time or a lag above 0 [s]")
     return reduced
@@ -38,9 +43,7 @@ def fopdt(model: Model) -> SelfRegulatingModel:
     ValueError
         For an integrating model, or one without dead time or lag.
     """
-    if isinstance(model, IntegratingModel):
-        raise ValueError("process = integrating: this rule is for self-regulating processes")  # noqa: TRY004
-    reduced = model.first_order()
+    reduced = as_self_regulating(model).first_order()
     if np.any((np.asarray(reduced.dead_time) <= 0) | (np.asarray(reduced.lag) <= 0)):
         raise ValueError("dead_time, lag: this rule needs both above 0 [s]")
     return reduced

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 
 from tuners.imc import ipdt
-from tuners.models import Array, FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
+from tuners.models import Array, FloatOrArray, IntegratingModel, Model, as_integrating
 from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings, plain, with_filter
 
@@ -39,8 +39,7 @@ IST2E: Fit = (
 
 def _ifopdt(model: Model) -> IntegratingModel:
     """Return the model if the fit holds for it; raise ValueError otherwise."""
-    if isinstance(model, SelfRegulatingModel):
-        raise ValueError("process = self-regulating: this rule is for integrating processes")  # noqa: TRY004
+    model = as_integrating(model)
     lag = np.asarray(model.lag, dtype=float)
     ratio = np.divide(
         model.dead_time, lag, out=np.full(np.broadcast(model.dead_time, lag).shape, np.inf), where=lag > 0
@@ -158,8 +157,7 @@ def kaya_optimum(model: Model, power: int = 1) -> Settings:
     """
     if power not in {1, 2}:
         raise ValueError(f"power = {power}: must be 1 (ISTE) or 2 (IST2E)")
-    if isinstance(model, SelfRegulatingModel):
-        raise ValueError("process = self-regulating: this rule is for integrating processes")  # noqa: TRY004
+    model = as_integrating(model)
     lag = float(model.lag)
     x = float(model.dead_time) / lag if lag > 0 else math.inf
     if not 0.05 <= x <= 10:

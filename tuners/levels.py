@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tuners.models import FloatOrArray, Model, SelfRegulatingModel
+from tuners.models import FloatOrArray, Model, as_integrating
 from tuners.settings import Settings
 
 DAMPING = 1.0  # zeta = sqrt(kp K ti)/2: 1 gives the shortest ti without rolling
@@ -48,8 +48,7 @@ def averaging(model: Model, max_load: FloatOrArray, max_deviation: FloatOrArray)
     >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s"
     'kp = 0.5, ti = 800 s'
     """
-    if isinstance(model, SelfRegulatingModel):
-        raise ValueError("process = self-regulating: averaging level control is for integrating processes")  # noqa: TRY004
+    model = as_integrating(model, "averaging level control")
     for name, value in (("max_load", max_load), ("max_deviation", max_deviation)):
         if not np.all((np.asarray(value) > 0) & np.isfinite(value)):
             raise ValueError(f"{name} = {value}: must be above 0 and finite")
@@ -86,7 +85,6 @@ def method_product(model: Model, settings: Settings) -> FloatOrArray:
     >>> method_product(IntegratingModel(gain=0.03, dead_time=4.0), Settings(kp=0.6, ti=44.4)) < 2  # it rolls
     True
     """
-    if isinstance(model, SelfRegulatingModel):
-        raise ValueError("process = self-regulating: the method product is for integrating processes")  # noqa: TRY004
+    model = as_integrating(model, "the method product")
     standard = settings.to("standard")
     return standard.kp * model.gain * standard.ti

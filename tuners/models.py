@@ -156,6 +156,32 @@ class SelfRegulatingModel:
 Model = IntegratingModel | SelfRegulatingModel
 
 
+def as_integrating(model: Model, what: str = "this rule") -> IntegratingModel:
+    """Return the model of an integrating process, for ``what`` is for no other.
+
+    Raises
+    ------
+    ValueError
+        It is of a self-regulating one.
+    """
+    if isinstance(model, IntegratingModel):
+        return model
+    raise ValueError(f"process = {model.process}: {what} is for integrating processes")
+
+
+def as_self_regulating(model: Model, what: str = "this rule") -> SelfRegulatingModel:
+    """Return the model of a self-regulating process, for ``what`` is for no other.
+
+    Raises
+    ------
+    ValueError
+        It is of an integrating one.
+    """
+    if isinstance(model, SelfRegulatingModel):
+        return model
+    raise ValueError(f"process = {model.process}: {what} is for self-regulating processes")
+
+
 @dataclass(frozen=True, slots=True)
 class Plant:
     """A process of any order, ``gain e^(-dead_time s) / (s prod (lag s + 1))``, to judge settings on.

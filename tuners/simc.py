@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tuners.models import FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
+from tuners.models import FloatOrArray, IntegratingModel, Model, SelfRegulatingModel, as_self_regulating
 from tuners.settings import Settings, plain, with_filter
 
 
@@ -201,9 +201,7 @@ def simc_pi_improved(model: Model, closed_loop_time: FloatOrArray | None = None)
     >>> f"kp = {settings.kp:.4g}, ti = {settings.ti:.4g} s"
     'kp = 1.333, ti = 21.33 s'
     """
-    if isinstance(model, IntegratingModel):
-        raise ValueError("process = integrating: the improved SIMC rule is for self-regulating processes")  # noqa: TRY004
-    fopdt = model.first_order()
+    fopdt = as_self_regulating(model, "the improved SIMC rule").first_order()
     tc = loop_time(closed_loop_time, fopdt.dead_time)
     lag = fopdt.lag + fopdt.dead_time / 3
     time = tc + fopdt.dead_time

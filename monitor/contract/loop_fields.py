@@ -8,6 +8,8 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tuners.blocks import BLOCKS
+from tuners.rules import RULES
 from tuners.settings import FORMS
 
 from .loops import CONTROLLERS, MOST_NAME_BYTES, OBJECTIVES, PROCESSES, Loop
@@ -147,13 +149,9 @@ def _key(text: str) -> str:
 
 def known_forms() -> tuple[str, ...]:
     """Return the forms and the ids of the vendor blocks."""
-    from tuners.blocks import BLOCKS  # noqa: PLC0415 (reads a file: only where a table is read)
-
     return (*FORMS, *BLOCKS)
 
 
 def known_rules() -> tuple[str, ...]:
     """Return the names of the tuning rules."""
-    from tuners.rules import RULES  # noqa: PLC0415 (half of the tuners: only where a rule is named)
-
     return tuple(RULES)

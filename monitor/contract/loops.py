@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import msgspec
 
+from tuners.blocks import BLOCKS
 from tuners.models import INTEGRATING, SELF_REGULATING
 from tuners.settings import FORMS
 
@@ -79,8 +80,6 @@ class Loop(msgspec.Struct, frozen=True, kw_only=True):
         """The form that the loop's block computes."""
         if self.form in FORMS:
             return self.form
-        from tuners.blocks import BLOCKS  # noqa: PLC0415 (reads a file: only where a block is named)
-
         return BLOCKS[self.form].form
 
     @property

@@ -6,14 +6,13 @@ fixed by Arrow's ``Message.fbs``) say how much, so that it is refused before any
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
-from struct import Struct
-from struct import error as StructError  # noqa: N812 (it is named like a function)
 
 SCHEMA_MESSAGE, DICTIONARY_MESSAGE, RECORDS_MESSAGE = 1, 2, 3
 """Kinds of message."""
 _CONTINUES = 0xFFFFFFFF
-_u16, _u32, _i32, _i64 = (Struct(f"<{c}").unpack_from for c in "HIiq")
+_u16, _u32, _i32, _i64 = (struct.Struct(f"<{c}").unpack_from for c in "HIiq")
 
 
 @dataclass(slots=True)
@@ -65,7 +64,7 @@ def claim(payload: bytes) -> Claim:
                     out.rows += max(_i64(payload, rows)[0], 0) if rows else 0
                 out.compressed += _decompressed(payload, table, at, length)
             at += length
-    except (StructError, IndexError):
+    except (struct.error, IndexError):
         raise ValueError("an Arrow stream whose lengths lead out of it") from None
     return out
 

@@ -1,4 +1,4 @@
-"""Bytes to entries, records to bytes: the only file of the monitor that knows payloads.
+"""Bytes to entries: tags, samples, settings and frames.
 
 A payload that cannot be read is a count by cause, never an exception.
 """

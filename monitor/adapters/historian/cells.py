@@ -1,7 +1,7 @@
 """Columns as a historian writes them to columns of numbers: values, modes, qualities, names, ISO times.
 
-Works on Arrow arrays through their own methods; the library itself is imported in `historian` alone. What is
-well formed takes one compiled cast; pandas reads what is not.
+Works on Arrow arrays through their own methods, without the library. What is well formed takes one compiled
+cast; pandas reads what is not.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A batch of a file's columns to rows of loops: which cell is a time, a value, a mode, a quality of whom.
 
-Works on Arrow batches through their own methods; the library itself is imported in `historian` alone.
+Works on Arrow batches through their own methods, without the library.
 """
 
 from __future__ import annotations

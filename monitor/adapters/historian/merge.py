@@ -86,7 +86,7 @@ class _Gate:
 
 
 @jit_nogil  # the reading thread runs beside it
-def _pass(loop, time, sp, pv, op, auto, since, until, last, values, mode, rows, keep, out):  # type: ignore[no-untyped-def]
+def _pass(loop, time, sp, pv, op, auto, since, until, last, values, mode, rows, keep, out):
     """Mark the rows to keep; return how many are outside, duplicates, conflicts; -1: out of order."""
     outside = duplicate = conflict = 0
     for k in range(len(time)):
@@ -112,7 +112,7 @@ def _pass(loop, time, sp, pv, op, auto, since, until, last, values, mode, rows, 
 
 
 @jit_nogil  # the reading thread runs beside it
-def _fill(loop, time, hold, sp, op, last, held):  # type: ignore[no-untyped-def]
+def _fill(loop, time, hold, sp, op, last, held):
     """Put each loop's last set point and output where a row did not write them again (in place)."""
     for k in range(len(time)):
         i = loop[k]
@@ -126,7 +126,7 @@ def _fill(loop, time, hold, sp, op, last, held):  # type: ignore[no-untyped-def]
 
 
 @jit_nogil  # the reading thread runs beside it
-def _differ(a, b):  # type: ignore[no-untyped-def]
+def _differ(a, b):
     return a != b and not (np.isnan(a) and np.isnan(b))
 
 

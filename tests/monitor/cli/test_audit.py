@@ -65,7 +65,7 @@ def test_bad_loop_table_names_each_problem(tmp_path: Path) -> None:
 
 def test_help_and_import_are_light() -> None:
     heavy = {"numpy", "pyarrow", "numba", "rich"}
-    code = f"import sys, monitor.audit, monitor.check; print(len({heavy} & set(sys.modules)))"
+    code = f"import sys, monitor.cli.audit, monitor.cli.check; print(len({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "0"
     assert "Example:\n    loopsight audit " in command("--help").stdout

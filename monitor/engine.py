@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.assess.event import Finding, assess_event
-from monitor.assess.reference import SETPOINT
 from monitor.contract.evidence import Window
 from monitor.contract.loops import Loop, LoopTable
-from monitor.contract.records import Assessment, Event, LoopRow, Record, Suggestion, event_id
+from monitor.contract.records import SETPOINT, Assessment, Event, LoopRow, Record, Suggestion, event_id
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector, Found
 from monitor.detect.event import BY_GAP, BY_SETTINGS, SETPOINT_STEP, ClosedEvent

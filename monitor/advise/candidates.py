@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.assess.reference import SETPOINT, reference_settings, reference_structure
+from monitor.assess.reference import reference_settings, reference_structure
 from monitor.contract.loops import Loop
+from monitor.contract.records import SETPOINT
 from monitor.contract.samples import Array
 from tuners.models import Model
 from tuners.robustness import peak_sensitivity

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monitor.assess.reference import LOAD, SETPOINT, model_of, reduced, reference_iae
+from monitor.assess.reference import model_of, reduced, reference_iae
 from monitor.contract.loops import Loop
+from monitor.contract.records import LOAD, SETPOINT
 from monitor.identify.fit import Fit
 from tuners.models import IntegratingModel, Model
 from tuners.responses import step_figures

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor.contract.loops import Loop
-from monitor.contract.records import INCONCLUSIVE, Assessment, event_id
+from monitor.contract.records import INCONCLUSIVE, LOAD, SETPOINT, UNDECIDED, Assessment, event_id
 from monitor.detect.event import LOAD_STEP, ClosedEvent
 from monitor.identify.direct import fit_kinds
 from monitor.identify.fit import Fit, contradictory, decide
@@ -31,7 +31,7 @@ from .evidence import (
     op_moved,
 )
 from .index import index, overshoot
-from .reference import LOAD, SETPOINT, model_of, settings_of
+from .reference import model_of, settings_of
 from .tuning import current_sensitivity, judge
 
 
@@ -85,7 +85,7 @@ def assess_event(loop: Loop, event: ClosedEvent) -> Finding:
         amplitude=amplitude,
         iae=event.iae,
         ci=ci,
-        process="undecided" if trusted is None else trusted.process,
+        process=UNDECIDED if trusted is None else trusted.process,
         method=None if fit is None else fit.method,
         fit=None if fit is None else fit.quality,
         coverage=coverage(event),

@@ -7,12 +7,11 @@ import math
 import numpy as np
 
 from monitor.contract.loops import Loop
+from monitor.contract.records import LOAD, SETPOINT
 from monitor.detect.event import SETTLED, ClosedEvent
 from monitor.identify.fit import Fit
 
 from .reference import (
-    LOAD,
-    SETPOINT,
     closed_loop_time,
     model_of,
     reduced,

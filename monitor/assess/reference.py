@@ -10,13 +10,13 @@ import math
 from dataclasses import replace
 
 from monitor.contract.loops import Loop
+from monitor.contract.records import LOAD, SETPOINT
 from monitor.identify.fit import Fit
 from tuners.models import INTEGRATING, FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
 from tuners.responses import step_figures
 from tuners.settings import Settings
 from tuners.simc import simc_pd, simc_pi, simc_pid
 
-SETPOINT, LOAD = "setpoint", "load"
 LEAST_TC_PERIODS = 3.0
 """The default closed-loop time is at least these sample periods: what the data cannot resolve is not asked."""
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 from monitor.contract.loops import Loop
-from monitor.contract.records import GOOD, INCONCLUSIVE, RETUNE
+from monitor.contract.records import GOOD, INCONCLUSIVE, LOAD, RETUNE, SETPOINT
 from tuners.levels import method_product
 from tuners.models import IntegratingModel, Model
 from tuners.robustness import peak_sensitivity
 from tuners.settings import NotRepresentableError
 
-from .reference import LOAD, SETPOINT, settings_of, with_hold_delay
+from .reference import settings_of, with_hold_delay
 
 MS_MARGIN_RATIO = 1.25
 """A loop is flagged for robustness above this many times its ``ms_max``: the reference itself may lie near it."""

@@ -13,6 +13,10 @@ import msgspec
 from .evidence import Window
 
 GOOD, RETUNE, INCONCLUSIVE, NOT_ASSESSED = "good", "retune", "inconclusive", "not_assessed"
+SETPOINT, LOAD = "setpoint", "load"
+"""Kinds of event."""
+UNDECIDED = "undecided"
+"""Kind of a process of which the data do not tell it."""
 WORST_FIRST = (RETUNE, INCONCLUSIVE, GOOD, NOT_ASSESSED)
 
 TIMES = ("start", "end")
@@ -56,7 +60,7 @@ class Assessment(msgspec.Struct, frozen=True, kw_only=True):
     amplitude: float
     iae: float | None = None
     ci: float | None = None
-    process: str = "undecided"
+    process: str = UNDECIDED
     gain: float | None = None
     gain_lo: float | None = None
     gain_hi: float | None = None

@@ -11,10 +11,10 @@ import numpy as np
 from monitor.advise.candidates import rule_mismatch
 from monitor.advise.suggestion import Advice, Withheld, advise, renewed
 from monitor.assess.event import Finding, model_fields
-from monitor.assess.reference import LOAD, SETPOINT, model_of
+from monitor.assess.reference import model_of
 from monitor.assess.tuning import current_sensitivity, judge
 from monitor.contract.loops import Loop
-from monitor.contract.records import GOOD, INCONCLUSIVE, RETUNE, LoopRow
+from monitor.contract.records import GOOD, INCONCLUSIVE, LOAD, RETUNE, SETPOINT, UNDECIDED, LoopRow
 from monitor.identify.fit import Fit, combine, contradictory
 
 from .parts import Tuning, suggested
@@ -93,7 +93,7 @@ def _judge(loop: Loop, history: LoopHistory) -> tuple[Tuning, _Standing | None]:
     joint = _together(fits)
     if joint is None:
         why = "the events contradict each other in kind of process or sign of gain"
-        return _contradiction(replace(tuning, process="undecided"), why), history.standing
+        return _contradiction(replace(tuning, process=UNDECIDED), why), history.standing
     tuning = replace(tuning, process=joint.process, model=model_fields(joint))
     if contradictory(fits, joint):
         why = "the events contradict each other: their gains differ beyond chance"

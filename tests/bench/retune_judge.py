@@ -8,9 +8,9 @@ import time
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from monitor.assess.reference import LOAD, SETPOINT, closed_loop_time, reduced, reference_structure
+from monitor.assess.reference import closed_loop_time, reduced, reference_structure
 from monitor.contract.loops import LoopTable
-from monitor.contract.records import INCONCLUSIVE, RETUNE, Assessment, LoopRow
+from monitor.contract.records import INCONCLUSIVE, LOAD, RETUNE, SETPOINT, Assessment, LoopRow
 from monitor.engine import Engine
 from sim_plants.controllers import Controller
 from sim_plants.specs import LoopSpec

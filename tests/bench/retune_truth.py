@@ -8,14 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from monitor.assess.reference import (
-    LOAD,
-    SETPOINT,
     closed_loop_time,
     reduced,
     reference_iae,
     reference_structure,
 )
 from monitor.contract.loops import Loop
+from monitor.contract.records import LOAD, SETPOINT
 from sim_plants.controllers import Controller
 from sim_plants.loops import Simulation
 from sim_plants.margins import settling_time

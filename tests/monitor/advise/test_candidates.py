@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from monitor.advise.candidates import op_noise, rule_mismatch
 from monitor.advise.suggestion import Advice, Withheld, advise
-from monitor.assess.reference import LOAD, model_of
+from monitor.assess.reference import model_of
+from monitor.contract.records import LOAD
 from tests.monitor.advise.tools import PERIOD, asked, given_advice, product, sluggish
 from tests.support.fits import make_fit
 from tests.support.twins import noise_through

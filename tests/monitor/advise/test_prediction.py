@@ -7,8 +7,9 @@ import math
 import pytest
 
 from monitor.advise.prediction import Predicted, predict, references_of
-from monitor.assess.reference import LOAD, SETPOINT, model_of, settings_of
+from monitor.assess.reference import model_of, settings_of
 from monitor.contract.loops import Loop
+from monitor.contract.records import LOAD, SETPOINT
 from tests.support.fits import make_fit
 from tuners.responses import closed_loop_response
 from tuners.settings import Settings

@@ -15,14 +15,13 @@ from monitor.advise.candidates import FURTHEST_RATIO
 from monitor.advise.region import uncertain_models
 from monitor.advise.suggestion import Advice, Withheld, advise, renewed
 from monitor.assess.reference import (
-    LOAD,
-    SETPOINT,
     model_of,
     reference_structure,
     settings_of,
     with_hold_delay,
 )
 from monitor.contract.loops import CONTROLLERS, OBJECTIVES, Loop
+from monitor.contract.records import LOAD, SETPOINT
 from monitor.identify.fit import Fit
 from tests.monitor.advise.tools import PERIOD, asked, given_advice, product, sluggish
 from tests.support.fits import make_fit

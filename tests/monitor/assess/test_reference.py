@@ -11,9 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor.assess.reference import (
-    LOAD,
     RULE,
-    SETPOINT,
     closed_loop_time,
     reduced,
     reference_iae,
@@ -23,6 +21,7 @@ from monitor.assess.reference import (
     with_hold_delay,
 )
 from monitor.contract.loops import Loop
+from monitor.contract.records import LOAD, SETPOINT
 from tuners.models import IntegratingModel, SelfRegulatingModel
 from tuners.responses import closed_loop_response
 from tuners.rules import RULES

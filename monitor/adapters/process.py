@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import FrameType
@@ -118,7 +119,7 @@ class Stop(threading.Event):
     def __init__(self, within: float = STOP_WITHIN_S, code: int = 1, parent: int | None = None) -> None:
         super().__init__()
         self._within, self._code, self._parent = within, code, parent
-        self._breaks = False
+        self._told = self._breaks = False
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
@@ -129,28 +130,26 @@ class Stop(threading.Event):
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is not None:
             self._code = 1
-        if super().is_set():  # told twice is told once
+        if self._told:  # told twice is told once
             return
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
     def set(self) -> None:
         """End soon; by force if it takes too long."""
-        if not super().is_set():
-            deadline = threading.Timer(self._within, lambda: os._exit(self._code))
-            deadline.daemon = True
-            deadline.start()
-        super().set()
+        if not self._told:
+            self._told = True
+            threading.Thread(target=self._end, name="stop", daemon=True).start()
 
     def is_set(self) -> bool:
         """Whether it is time to end."""
         self._look()
-        return super().is_set()
+        return self._told
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait at most so long [s]; True when it is time to end."""
         self._look()
-        return super().wait(timeout)
+        return self._told or super().wait(timeout)
 
     @contextmanager
     def breaking_off(self, within: float = END_WITHIN_S) -> Iterator[None]:
@@ -166,14 +165,19 @@ class Stop(threading.Event):
             pass
         finally:
             self._breaks = False
-            if not super().is_set():
+            if not self._told:
                 self._within, self._code = usual
 
     def _tell(self, *_: int | FrameType | None) -> None:
-        first = not super().is_set()
+        first = not self._told
         self.set()
         if first and self._breaks:
             raise Told
+
+    def _end(self) -> None:
+        super().set()  # in a thread of its own: a signal may come while ours, in `wait`, has the event's lock
+        time.sleep(self._within)
+        os._exit(self._code)
 
     def _look(self) -> None:
         if self._parent is not None and os.getppid() != self._parent:

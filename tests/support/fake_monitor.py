@@ -243,6 +243,14 @@ class FakeMonitor:
         self.session.put(f"loopsight/{key}", data, congestion_control=zenoh.CongestionControl.DROP)
         return time.perf_counter() - start
 
+    def heard(self, key: str) -> bool:
+        """Whether somebody listens to this key; he is known here a moment after he has begun."""
+        publisher = self.session.declare_publisher(f"loopsight/{key}")
+        try:
+            return bool(publisher.matching_status)
+        finally:
+            publisher.undeclare()
+
     def tell(self, loop: Loop) -> None:
         """Publish all that an assessed event gives."""
         facts = {

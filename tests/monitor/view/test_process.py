@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import subprocess
 import sys
-import time
 import urllib.request
 from pathlib import Path
 
@@ -52,15 +52,17 @@ def test_live_view_draws_what_is_said(tmp_path: Path, fake: FakeMonitor) -> None
     view = start_view(fake.endpoint, "none", tmp_path / "live.rrd")
     try:
         assert view.url == ""
+        until(lambda: fake.heard(f"{loop.key}/suggestion"))
         fake.tell(loop)
         until(lambda: f"window/{loop.id}" in fake.asked)
-        step = 0
+        steps = itertools.count()
         base = f"/{rerun_picture.entity(loop.name)}/live/{rerun_picture.PV}"
-        while base[1:].encode() not in (tmp_path / "live.rrd").read_bytes():
-            fake.go_on(loop, 4000 + 10 * step, 10)
-            step += 1
-            assert step < 500
-            time.sleep(0.05)
+
+        def drawn() -> bool:
+            fake.go_on(loop, 4000 + 10 * next(steps), 10)
+            return base[1:].encode() in (tmp_path / "live.rrd").read_bytes()
+
+        until(drawn)
     finally:
         view.stop()
     assert read(tmp_path / "live.rrd")[base][1].size >= 10

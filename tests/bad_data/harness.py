@@ -19,7 +19,6 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from monitor.adapters.store import Store
 from monitor.audit.run import run_audit
 from monitor.audit.settings import AuditSettings
 from monitor.contract.loop_fields import parse_row
@@ -29,6 +28,7 @@ from monitor.service.config import Config
 from monitor.service.service import Service
 from tests.support.bus import FakeBus
 from tests.support.plants import pi_loop
+from tests.support.stores import quick
 
 START = 1_767_225_600
 """2026-01-01 [s]."""
@@ -217,7 +217,7 @@ class Live:
         self.steady = 0.0
         """Monotonic clock [s]."""
         self.bus, self.heard = FakeBus(), list[Any]()
-        self.store = Store(folder)
+        self.store = quick(folder)
         self.loops: LoopTable = LoopTable(loops)
         self.service = Service(
             Config(loops="table" if loops else "", **config), self.loops, self.bus, self.store,

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor.adapters.store import Store
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment
 from monitor.service.config import Config
 from monitor.service.service import Service
 from monitor.service.snapshot import MOST, VERSION, read, take, write
 from tests.support.bus import FakeBus
+from tests.support.stores import quick
 
 START = 1_767_225_600
 N = 700
@@ -28,7 +28,7 @@ class Run:
 
     def __init__(self, folder: Path, names: tuple[str, ...] = ("L",), **config: Any) -> None:
         self.folder, self.now = folder, START * 10**9
-        self.bus, self.store = FakeBus(), Store(folder)
+        self.bus, self.store = FakeBus(), quick(folder)
         self.heard: list[Any] = []
         self.loops = LoopTable([Loop(name=n, kp=1.0, ti=20.0, period=1.0) for n in names])
         self.service = Service(

@@ -17,6 +17,7 @@ from monitor.contract.records import Assessment
 from monitor.service.config import Config
 from monitor.service.service import Service
 from tests.support.bus import FakeBus, Question
+from tests.support.stores import quick
 
 START = 1_767_225_600
 SENT = START * 10**9
@@ -50,7 +51,7 @@ class Bench:
 
     def __init__(self, folder: Path, loops: LoopTable | None = None, **config: Any) -> None:
         self.bus = FakeBus()
-        self.store = Broken(folder)
+        self.store = quick(folder, Broken)
         self.now = 0.0
         self.heard: list[Any] = []
         self.loops = LoopTable([]) if loops is None else loops

@@ -23,7 +23,7 @@ CREATE TABLE IF NOT EXISTS loop (key TEXT PRIMARY KEY, json BLOB NOT NULL);
 CREATE TABLE IF NOT EXISTS day (number INTEGER PRIMARY KEY, event INTEGER, assessment INTEGER, suggestion INTEGER);
 """
 VERSION = 1
-PATIENCE = 0.25
+LOCK_WITHIN_S = 0.25
 """How long a lock of somebody else's may hold up the tick [s]."""
 
 
@@ -31,10 +31,28 @@ KEEP_DAYS = 730.0
 """How far back what was kept reaches [days]."""
 KEEP_BYTES = 4 * 2**30
 """How much it may be: about 200,000 events with their evidence."""
-AT_ONCE = 200
-"""Records that one `tidy` removes at most: a few milliseconds."""
-_DAY = 86_400 * 10**9
-_GROWING = ("event", "assessment", "suggestion")
+TIDY_RECORDS = 200
+"""That one `tidy` removes at most: a few milliseconds."""
+_DAY_NS = 86_400 * 10**9
+_COUNT = {
+    "event": "SELECT count(*) FROM event",
+    "assessment": "SELECT count(*) FROM assessment",
+    "suggestion": "SELECT count(*) FROM suggestion",
+}
+"""Of the tables that grow."""
+_LATEST = """
+SELECT (SELECT coalesce(max(rowid), 0) FROM event), (SELECT coalesce(max(rowid), 0) FROM assessment),
+  (SELECT coalesce(max(rowid), 0) FROM suggestion)
+"""
+_REMOVE = {
+    "event": "DELETE FROM event WHERE rowid IN (SELECT rowid FROM event WHERE rowid <= ? ORDER BY rowid LIMIT ?)",
+    "assessment": """DELETE FROM assessment WHERE rowid IN
+      (SELECT rowid FROM assessment WHERE rowid <= ? ORDER BY rowid LIMIT ?)""",
+    "suggestion": """DELETE FROM suggestion WHERE rowid IN
+      (SELECT rowid FROM suggestion WHERE rowid <= ? ORDER BY rowid LIMIT ?)""",
+}
+"""The oldest rows up to one, so many of them."""
+_ANY = 2**63 - 1
 
 
 class StoreError(OSError):
@@ -74,7 +92,7 @@ class Store:
 
     def _open(self) -> None:
         try:
-            self._db = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
+            self._db = sqlite3.connect(self.path, timeout=LOCK_WITHIN_S, isolation_level=None)
         except (sqlite3.Error, OSError) as error:
             raise StoreError(f"{self.path}: {error}") from None
         try:
@@ -172,8 +190,7 @@ class Store:
 
     def counts(self) -> dict[str, int]:
         """Return how many of each are kept."""
-        names = ("event", "assessment", "suggestion")
-        return {n: int(self._read(f"SELECT count(*) FROM {n}")[0][0]) for n in names}  # noqa: S608 (our own names)
+        return {name: int(self._read(question)[0][0]) for name, question in _COUNT.items()}
 
     def tidy(self, now: int) -> bool:
         """Remove some of what is too old or too much; True if there may be more of it.
@@ -189,29 +206,28 @@ class Store:
             Disk full, read-only, damaged.
         """
         with self.transaction():
-            today = now // _DAY
-            latest = (self._read(f"SELECT coalesce(max(rowid), 0) FROM {t}")[0][0] for t in _GROWING)  # noqa: S608
+            today = now // _DAY_NS
+            latest = self._read(_LATEST)[0]
             self._db.execute("INSERT OR REPLACE INTO day VALUES (?, ?, ?, ?)", (today, *latest))
             old = self._read(
                 "SELECT number, event, assessment, suggestion FROM day WHERE number < ? ORDER BY number DESC LIMIT 1",
                 (today - self.keep_days,),
             )
             removed = 0
-            for name, last in zip(_GROWING, old[0][1:] if old else (), strict=False):
-                removed += self._remove(name, "rowid <= ?", (last,))
+            for name, last in zip(_REMOVE, old[0][1:] if old else (), strict=False):
+                removed += self._remove(name, last)
             if old and not removed:  # what that day ended with is gone
                 self._db.execute("DELETE FROM day WHERE number <= ?", (old[0][0],))
-            while self.size > self.keep_bytes and removed < AT_ONCE:
-                gone = self._remove("assessment", "1", most=10) or self._remove("event", "1")
+            while self.size > self.keep_bytes and removed < TIDY_RECORDS:
+                gone = self._remove("assessment", most=10) or self._remove("event")
                 removed += gone
                 if not gone:
                     break
         return removed > 0
 
-    def _remove(self, name: str, which: str, values: tuple[Any, ...] = (), most: int = AT_ONCE) -> int:
-        """Remove the oldest of a table's rows."""
-        oldest = f"SELECT rowid FROM {name} WHERE {which} ORDER BY rowid LIMIT {most}"  # noqa: S608 (our own names)
-        return self._db.execute(f"DELETE FROM {name} WHERE rowid IN ({oldest})", values).rowcount  # noqa: S608
+    def _remove(self, name: str, last: int = _ANY, most: int = TIDY_RECORDS) -> int:
+        """Remove the oldest of a table's rows, up to a ``last`` one; return how many went."""
+        return self._db.execute(_REMOVE[name], (last, most)).rowcount
 
     @property
     def size(self) -> int:

@@ -20,7 +20,7 @@ from .inbox import Inbox
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 RECONNECT = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}
 """A router that comes back is found within a second; set as one object, single fields are refused."""
-MOST_ASKED = 64 * 1024
+QUESTION_BYTES = 64 * 1024
 """Bytes of a query's payload above which it is left unread."""
 
 
@@ -76,12 +76,12 @@ def open_session(
 class Question:
     """A query that waits for its answers."""
 
-    def __init__(self, query: Any) -> None:
+    def __init__(self, query: zenoh.Query) -> None:
         self._query = query
         self.key = str(query.key_expr)
         self.parameters = _parameters(str(query.parameters))
         payload = query.payload
-        self.payload = b"" if payload is None or len(payload) > MOST_ASKED else payload.to_bytes()
+        self.payload = b"" if payload is None or len(payload) > QUESTION_BYTES else payload.to_bytes()
 
     def matches(self, key: str) -> bool:
         """Whether this key is asked for."""
@@ -143,7 +143,7 @@ class Bus:
         """
         inbox, ours = self.inbox, self._prefix + "/"
 
-        def enqueue(sample: Any) -> None:
+        def enqueue(sample: zenoh.Sample) -> None:
             key = str(sample.key_expr)
             if key.startswith(ours):
                 return

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
 from .common import Command, Refused, parent_option
 
+if TYPE_CHECKING:
+    from sim_plants.loops import LoopSpec
+    from sim_plants.publish import Payload
 
-def scenario_loops(name: str, seed: int) -> Any:
+
+def scenario_loops(name: str, seed: int) -> list[LoopSpec]:
     """Return the loops of a named scenario; Refused where there is none of that name."""
     from sim_plants.scenarios import SCENARIOS
 
@@ -37,7 +41,7 @@ def scenario_loops(name: str, seed: int) -> Any:
               help="Write an export here instead: data.parquet, loops.csv, truth.csv, truth_events.csv.")  # fmt: skip
 @parent_option
 def simulate(
-    loops: int | None, scenario: str | None, plant: Path | None, seed: int, speed: float, payload: Any,
+    loops: int | None, scenario: str | None, plant: Path | None, seed: int, speed: float, payload: Payload,
     connect: str, seconds: float | None, hours: float, out: Path | None, parent: int | None,
 ) -> None:  # fmt: skip
     """Publish simulated loops on Zenoh, or write them as a historian export with the truth beside it."""
@@ -55,7 +59,7 @@ def simulate(
     _publish(specs, connect, speed, payload, seconds, parent)
 
 
-def _loops(loops: int | None, scenario: str | None, plant: Path | None, seed: int) -> Any:
+def _loops(loops: int | None, scenario: str | None, plant: Path | None, seed: int) -> list[LoopSpec]:
     if sum(x is not None for x in (loops, scenario, plant)) > 1:
         raise Refused("--loops, --scenario, --plant: expected at most one of them")
     if plant is not None:
@@ -73,7 +77,12 @@ def _loops(loops: int | None, scenario: str | None, plant: Path | None, seed: in
 
 
 def _publish(
-    specs: Any, connect: str, speed: float, payload: Any, seconds: float | None, parent: int | None
+    specs: list[LoopSpec],
+    connect: str,
+    speed: float,
+    payload: Payload,
+    seconds: float | None,
+    parent: int | None,
 ) -> None:
     import time
 

@@ -92,13 +92,10 @@ class Outbox:
             self.records_lost += 1
         if not self._waiting or not (self.stores or at_once or now >= self._retry):
             return
-        try:
-            with self._store.transaction():
-                for outgoing in self._waiting:
-                    outgoing.keep(self._store)
-        except StoreError as error:
+        wrong = self._commit()
+        if wrong:
             if self.stores:
-                log.error("store: %s; nothing is published until it is back", error)  # noqa: TRY400 (one line)
+                log.error("store: %s; nothing is published until it is back", wrong)
             self.stores = False
             self._retry = now + RETRY_S
             return
@@ -108,6 +105,16 @@ class Outbox:
         for outgoing in self._waiting:
             self._bus.publish(outgoing.key, outgoing.payload, outgoing.encoding)
         self._waiting.clear()
+
+    def _commit(self) -> str:
+        """Keep all that waits, or nothing; return why not, empty where it is kept."""
+        try:
+            with self._store.transaction():
+                for outgoing in self._waiting:
+                    outgoing.keep(self._store)
+        except StoreError as error:
+            return str(error)
+        return ""
 
     def tidy(self, now: int) -> bool:
         """Remove some of what is too old from the store at ``now`` [ns since 1970]; True if there may be more."""

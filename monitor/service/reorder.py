@@ -13,8 +13,6 @@ last that long, or comes between samples of today.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -130,7 +128,7 @@ class Reorder:
         self.state[loop] = _new(1)[0]
         self.state["wide"][loop] = wide
 
-    def push(self, entries: NDArray[Any], arrival: float) -> Samples:
+    def push(self, entries: NDArray[np.void], arrival: float) -> Samples:
         """Take in entries (dtype `ENTRY`) at wall time ``arrival`` [s]; return the samples that are due."""
         out = np.empty(len(entries) + self.waiting, ENTRY)
         self.stepped = []
@@ -166,7 +164,7 @@ class Reorder:
         return _samples(out[: _release(self.state, self.held, self.wide, rows, out, self._counts)])
 
 
-def _new(loops: int) -> NDArray[Any]:
+def _new(loops: int) -> NDArray[np.void]:
     """Return the state of loops of which nothing has come."""
     state = np.zeros(loops, LOOP)
     state["sp"] = state["op"] = np.nan
@@ -176,7 +174,7 @@ def _new(loops: int) -> NDArray[Any]:
     return state
 
 
-def _samples(entries: NDArray[Any]) -> Samples:
+def _samples(entries: NDArray[np.void]) -> Samples:
     columns = (entries[n] for n in ("loop", "time", "sp", "pv", "op", "auto", "quality"))
     return Samples.of(*columns)
 

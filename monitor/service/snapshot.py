@@ -27,8 +27,8 @@ log = logging.getLogger("loopsight")
 
 VERSION = 2
 """Of the file: goes up where the numbers mean something else than before."""
-MOST = 500
-"""Loops that are kept, about 50 kB each: in an upset of the whole plant the first ones."""
+KEPT_LOOPS = 500
+"""About 50 kB each: in an upset of the whole plant the first ones."""
 
 
 class OpenEvents:
@@ -114,7 +114,7 @@ class Snapshot:
 
 def take(engine: Engine, reorder: Reorder, now: int) -> Snapshot:
     """Copy what is known of the loops with an open event."""
-    rows = engine.open_rows()[:MOST]
+    rows = engine.open_rows()[:KEPT_LOOPS]
     arrays = {**engine.known(rows), "order": reorder.state[rows], "held": reorder.held[rows]}
     names, keys = (np.array([getattr(engine.loops[k], n) for k in rows], np.str_) for n in ("name", "key"))
     return Snapshot(names, keys, now, arrays)

@@ -15,7 +15,7 @@ from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment
 from monitor.service.config import Config
 from monitor.service.service import Service
-from monitor.service.snapshot import MOST, VERSION, read, take, write
+from monitor.service.snapshot import KEPT_LOOPS, VERSION, read, take, write
 from tests.support.bus import FakeBus
 from tests.support.stores import quick
 
@@ -197,10 +197,10 @@ def test_a_full_disk_leaves_the_old_one(tmp_path, monkeypatch):
 
 def test_an_upset_of_the_whole_plant_is_bounded(tmp_path):
     """More open events than are kept: the first ones."""
-    names = tuple(f"L{k}" for k in range(MOST + 20))
+    names = tuple(f"L{k}" for k in range(KEPT_LOOPS + 20))
     run = Run(tmp_path, names)
     run.feed(range(180, 206), names)
-    assert run.service.status().loops.open == MOST + 20
+    assert run.service.status().loops.open == KEPT_LOOPS + 20
     kept = take(run.service.engine, run.service.reorder, run.now)
-    assert len(kept.names) == MOST
+    assert len(kept.names) == KEPT_LOOPS
     run.kill()

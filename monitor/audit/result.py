@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from monitor.contract.records import Assessment, LoopRow
 
@@ -24,4 +23,4 @@ class AuditResult:
     """Worst first."""
     events: list[Assessment] = field(default_factory=list)
     files: list[Path] = field(default_factory=list)
-    counts: dict[str, Any] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)

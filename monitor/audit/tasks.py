@@ -25,6 +25,7 @@ from monitor.adapters.historian.rows import Tally, UnusableError
 from monitor.adapters.historian.source import Source
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment, LoopRow, Record
+from monitor.contract.samples import Samples
 from monitor.engine import Engine
 from monitor.verdict.stale import LastSample
 
@@ -101,7 +102,7 @@ def run_task(task: Task, done: Callable[[int], None] = _count) -> Part:
     return part
 
 
-def _run(task: Task, samples: Iterator[Any], done: Callable[[int], None]) -> Part:
+def _run(task: Task, samples: Iterator[Samples], done: Callable[[int], None]) -> Part:
     engine = Engine(LoopTable(task.loops))
     events: list[Assessment] = []
     times: list[int] = []

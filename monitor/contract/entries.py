@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 MOST_PAYLOAD_BYTES = 16 * 2**20
 """Bytes of a payload above which it is refused unread."""
@@ -28,6 +29,10 @@ ENTRY = np.dtype(
     align=True,
 )
 """One arrival: a whole sample, or one quantity of it. Aligned: 48 bytes, whose columns are read three times as fast."""
+
+
+Entries = NDArray[np.void]
+"""(N,) of dtype `ENTRY`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 """Numbers of any shape."""
+
+Picked = NDArray[np.bool_] | NDArray[np.intp] | NDArray[np.int32] | Sequence[int] | slice
+"""Which rows: a mask, their numbers, or a slice."""
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 QUALITY_GOOD = 192
 """OPC quality from which a sample counts as good."""
@@ -43,20 +48,20 @@ class Samples:
     def __len__(self) -> int:
         return len(self.time)
 
-    def take(self, rows: Any) -> Samples:
+    def take(self, rows: Picked) -> Samples:
         """Return the samples of these rows (index array, mask or slice)."""
         return Samples(*(getattr(self, f.name)[rows] for f in fields(self)))
 
     @classmethod
     def of(
         cls,
-        loop: Any,
-        time: Any,
-        sp: Any,
-        pv: Any,
-        op: Any,
-        auto: Any = None,
-        quality: Any = None,
+        loop: ArrayLike,
+        time: ArrayLike,
+        sp: ArrayLike,
+        pv: ArrayLike,
+        op: ArrayLike,
+        auto: ArrayLike | None = None,
+        quality: ArrayLike | None = None,
     ) -> Samples:
         """Make samples of anything array-like; a scalar ``loop`` stands for all rows.
 
@@ -75,7 +80,7 @@ class Samples:
         t = np.ascontiguousarray(time, dtype=np.int64)
         n = len(t)
 
-        def column(name: str, values: Any, dtype: Any) -> NDArray[Any]:
+        def column(name: str, values: ArrayLike, dtype: type[Scalar]) -> NDArray[Scalar]:
             out = np.ascontiguousarray(
                 np.broadcast_to(
                     np.asarray(values, dtype=dtype), (n,) if np.ndim(values) == 0 else np.shape(values)
@@ -94,8 +99,3 @@ class Samples:
             column("auto", True if auto is None else auto, np.bool_),
             column("quality", QUALITY_GOOD if quality is None else quality, np.uint8),
         )
-
-
-def join(parts: list[Samples]) -> Samples:
-    """Put batches one behind the other."""
-    return Samples(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Samples)))

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from monitor.contract.entries import ENTRY, SAMPLE
+from monitor.contract.entries import ENTRY, SAMPLE, Entries
 from monitor.contract.evidence import Trend, Window
 from monitor.contract.quality import opc_quality
 from monitor.contract.samples import QUALITY_GOOD
@@ -56,7 +56,7 @@ def _check_type(name: str, kind: Any) -> None:
         raise ValueError(f"a frame with a column {name} of type {str(kind)[:50]}")
 
 
-def frame_entries(batch: Any) -> NDArray[Any]:
+def frame_entries(batch: Any) -> Entries:
     """Turn one record batch into entries, their loops still to be found."""
     out = np.zeros(len(batch), ENTRY)
     out["kind"], out["auto"], out["quality"] = SAMPLE, 1, QUALITY_GOOD

@@ -26,6 +26,7 @@ from monitor.contract.entries import (
     TAG_OP,
     TAG_PV,
     TAG_SP,
+    Entries,
     Message,
 )
 from monitor.contract.loop_fields import parse_row
@@ -115,7 +116,7 @@ class Decoder:
         self._complained: set[tuple[str, str]] = set()
         self._streams: dict[str, _Stream] = {}
 
-    def decode(self, messages: Iterable[Message], latest: int) -> NDArray[Any]:
+    def decode(self, messages: Iterable[Message], latest: int) -> Entries:
         """Return the entries (dtype `ENTRY`) of the messages, in their order.
 
         Parameters
@@ -125,7 +126,7 @@ class Decoder:
         """
         self.settings.clear()
         self.refused.clear()
-        parts: list[NDArray[Any]] = []
+        parts: list[Entries] = []
         single: list[tuple[Any, ...]] = []
         for message in messages:
             try:
@@ -167,7 +168,7 @@ class Decoder:
             self._complained.add((cause, key))
             self.refused.append((cause, key, (str(error).splitlines() or [type(error).__name__])[0][:200]))
 
-    def _in_time(self, entries: NDArray[Any], latest: int) -> NDArray[Any]:
+    def _in_time(self, entries: Entries, latest: int) -> Entries:
         time = entries["time"]
         bad, future = (time < EARLIEST_NS) | (time > LATEST_NS), (time > latest) & (time <= LATEST_NS)
         if self.ahead and len(entries):
@@ -229,7 +230,7 @@ class Decoder:
             raise ValueError("; ".join(wrong))
         self.settings.append((row, loop))
 
-    def _frame(self, message: Message) -> NDArray[Any]:
+    def _frame(self, message: Message) -> Entries:
         """Read an Arrow stream of samples; the whole of it or nothing."""
         claimed = claim(message.payload)
         if (
@@ -302,7 +303,7 @@ class Decoder:
         return -1 if row is None else row
 
 
-def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
+def _joined(parts: list[Entries]) -> Entries:
     """Put entries one behind the other, as plain words: NumPy copies records field by field."""
     if len(parts) == 1:
         return parts[0]

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.contract.samples import Picked
+
 MOST_NAMES = 100_000
 """Names of loops outside the table that are remembered."""
 MOST_KEPT_LINES = 50
@@ -56,7 +58,7 @@ class Rows:
     def __len__(self) -> int:
         return len(self.time)
 
-    def take(self, rows: Any) -> Rows:
+    def take(self, rows: Picked) -> Rows:
         """Return these rows (index array, mask or slice)."""
         return Rows(**{name: getattr(self, name)[rows] for name in ROW_COLUMNS}, row=self.row)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from monitor.contract.samples import QUALITY_GOOD, Samples, join
+from monitor.contract.samples import QUALITY_GOOD, Samples
+from tests.support.samples import join
 
 
 def three() -> Samples:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from monitor.contract.loops import Loop
-from monitor.contract.samples import Samples, join
+from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector
 from monitor.detect.event import BY_GAP, CAUSES, ClosedEvent
 from monitor.detect.state import COUNTS, REBASE
@@ -18,6 +18,7 @@ from sim_plants.scenarios import reference_loops
 from sim_plants.specs import NEVER, Steps
 from tests.support.detection import as_bytes, columns_of, detected, events_of, openings_of, steps_of
 from tests.support.plants import SECOND, START, pi_loop, samples_of, stepped, times
+from tests.support.samples import join
 
 
 def state_without_counts(detector: Detector) -> bytes:

@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor.contract.entries import ENTRY, MODE_UNKNOWN, SAMPLE, TAG_AUTO, TAG_OP, TAG_PV, TAG_SP
-from monitor.contract.samples import QUALITY_UNCERTAIN, Samples, join
+from monitor.contract.samples import QUALITY_UNCERTAIN, Samples
 from monitor.service.reorder import HELD_ENTRIES, Reorder
+from tests.support.samples import join
 
 SECOND = 10**9
 T0 = 1_795_341_600 * SECOND

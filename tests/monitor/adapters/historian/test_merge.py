@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from monitor.adapters.historian import merge
 from monitor.adapters.historian.merge import OutOfOrderError, Span, in_order, sorted_samples
 from monitor.adapters.historian.rows import Tally
-from monitor.contract.samples import join
 from tests.monitor.adapters.historian.tools import (
     SECOND,
     START,
@@ -27,6 +26,7 @@ from tests.monitor.adapters.historian.tools import (
     sources,
     write,
 )
+from tests.support.samples import join
 
 
 @settings(max_examples=25)

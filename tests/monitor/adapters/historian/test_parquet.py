@@ -12,7 +12,6 @@ import pyarrow.parquet as pq
 from monitor.adapters.historian.merge import Span, in_order
 from monitor.adapters.historian.reader import read, scan
 from monitor.adapters.historian.rows import Tally
-from monitor.contract.samples import join
 from tests.monitor.adapters.historian.tools import (
     NAMES,
     WANTED,
@@ -24,6 +23,7 @@ from tests.monitor.adapters.historian.tools import (
     sources,
     write,
 )
+from tests.support.samples import join
 
 
 def test_loop_column_as_dictionary_or_number(tmp_path: Path) -> None:

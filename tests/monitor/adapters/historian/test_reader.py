@@ -13,7 +13,6 @@ from monitor.adapters.historian.merge import Span, in_order
 from monitor.adapters.historian.reader import inspect, read, scan
 from monitor.adapters.historian.rows import Tally, UnusableError
 from monitor.adapters.historian.source import MOST_COLUMNS
-from monitor.contract.samples import join
 from tests.monitor.adapters.historian.tools import (
     NAMES,
     WANTED,
@@ -27,6 +26,7 @@ from tests.monitor.adapters.historian.tools import (
     wide,
     write,
 )
+from tests.support.samples import join
 
 
 @pytest.mark.parametrize("time", ["timestamp", "text", "naive", "s", "ms", "us", "ns", "excel"])

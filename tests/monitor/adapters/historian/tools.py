@@ -13,7 +13,8 @@ from monitor.adapters.historian.merge import Span, sorted_samples
 from monitor.adapters.historian.reader import inspect
 from monitor.adapters.historian.rows import Tally
 from monitor.adapters.historian.source import Source
-from monitor.contract.samples import Samples, join
+from monitor.contract.samples import Samples
+from tests.support.samples import join
 
 START = np.datetime64("2026-03-01T00:00:00", "ns").astype(np.int64)
 SECOND = 10**9

@@ -70,16 +70,18 @@ class _Kept(caching.FunctionCache):  # type: ignore[misc]  # numba has no types
 
 def _compiler(**options: Any) -> Any:
     """Return a decorator; where a numba has other inner parts, or sources are not files, numba's own cache serves."""
-    plain = numba.njit(cache=True, error_model="numpy", **options)
+    decorate = numba.njit(error_model="numpy", **options)
 
     def compiled(function: Callable[..., Any]) -> Any:
-        out = plain(function)
+        out = decorate(function)
         try:
-            kept = _Kept(function)
-        except (OSError, ValueError, AttributeError, TypeError, RecursionError):
-            return out
-        if isinstance(getattr(out, "_cache", None), caching.FunctionCache):
-            out._cache = kept  # noqa: SLF001 (numba takes a cache in no other way)
+            if isinstance(out._cache, caching.NullCache):  # noqa: SLF001 (numba takes a cache in no other way)
+                out._cache = _Kept(function)  # noqa: SLF001
+                return out
+        except (OSError, ValueError, AttributeError, TypeError, RuntimeError):
+            pass
+        if hasattr(out, "enable_caching"):  # NUMBA_DISABLE_JIT leaves the function as it was
+            out.enable_caching()
         return out
 
     return compiled

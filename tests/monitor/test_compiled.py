@@ -102,3 +102,12 @@ def test_sources_that_are_no_files_leave_numbas_own_cache(monkeypatch: pytest.Mo
         return x + 1
 
     assert compiled.jit(plus_one)(1.0) == 2.0
+
+
+def test_a_numba_that_is_switched_off_leaves_the_function(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("numba.config.DISABLE_JIT", 1)
+
+    def plus_one(x: float) -> float:
+        return x + 1
+
+    assert compiled.jit(plus_one) is plus_one

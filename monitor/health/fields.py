@@ -2,7 +2,8 @@
 
 Each health module declares the fields of its record in three groups: ``SUMS`` over the past, which `decay` halves, so
 that the recent weeks count most; ``RUNNING``, which `reset` makes zero, since it may not reach across a gap or a change
-of mode; ``KEPT``, which neither touches: what is learnt of the loop, and what is set before it is read.
+of mode; ``KEPT``, which neither touches: what is learnt of the loop, and what is set before it is read. Beside these
+may stand the records of parts of its own, which the module treats alike.
 """
 
 from __future__ import annotations

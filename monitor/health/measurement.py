@@ -39,8 +39,9 @@ STRAIGHT_SHARE = 1e-4
 response sampled 10,000 times in a time constant would."""
 SINGLE_STEPS = 5.5
 """Steps of a coarse PV up to which a change is no part of a line: one or a few in a row are none."""
-SMALLER_CHANGES = 3.0
-"""Times that a change smaller than the step must be seen, more often than others, to be the step: once is a glitch."""
+SMALLER_STEPS, SMALLER_CHANGES = 0.9, 3.0
+"""A change below this share of the step is a smaller one; times that it must be seen, more often than others, to be
+the step: once is a glitch."""
 STAY_SAMPLES = 64
 """Samples of an unmoved PV that an archive's deadband may explain; longer, it rests."""
 ARCHIVE_COUNT = 50.0
@@ -49,6 +50,8 @@ GAP_INTERVALS = 50.0
 """Times the usual interval at which an interval is cut: a gap is no compression."""
 INTERVAL_QUANTILE = 0.1
 """Of the intervals: taken as the rate at which was sampled before compression."""
+EARLY_INTERVALS, EARLY_WEIGHT, LATE_WEIGHT = 200.0, 0.05, 0.01
+"""Share by which one interval moves that quantile: fast for so many intervals, slowly afterwards."""
 JITTER_SHARE = 0.02
 """Relative difference of intervals that count as the same."""
 
@@ -117,7 +120,7 @@ def update_interval(own, dt):
     if abs(dt - own.interval) <= JITTER_SHARE * dt:
         own.interval_time += dt
         return
-    weight = 0.05 if own.intervals < 200.0 else 0.01
+    weight = EARLY_WEIGHT if own.intervals < EARLY_INTERVALS else LATE_WEIGHT
     if dt < own.interval:
         own.interval *= 1.0 - weight * (1.0 - INTERVAL_QUANTILE)
     else:
@@ -179,7 +182,7 @@ def _step(own, d, pv):
     if own.step == 0.0:
         own.step = d
         return
-    if d < 0.9 * own.step:
+    if d < SMALLER_STEPS * own.step:
         own.tries += 1.0
         if abs(d - own.smaller) < FIT_STEPS * d:
             own.smaller_seen += 1.0

@@ -23,7 +23,7 @@ from monitor.compiled import jit
 
 from .fields import clearing, halving
 
-LONGEST_AVERAGES, FEWEST_AVERAGES = 63, 4
+CYCLE_MOST_AVERAGES, CYCLE_LEAST_AVERAGES = 63, 4
 """Averages in a cycle at most, those that a level's block still holds, and at least."""
 MEMORY_AVERAGES = 64
 """Averages over which the mean and the size of the error are taken: two to seven cycles."""
@@ -110,8 +110,8 @@ def update(own, block, e, at):
         return
     if own.averages > 0:
         own.averages += 1
-        if own.averages > LONGEST_AVERAGES:
-            own.lost += LONGEST_AVERAGES
+        if own.averages > CYCLE_MOST_AVERAGES:
+            own.lost += CYCLE_MOST_AVERAGES
             own.averages = 0
 
 
@@ -125,7 +125,7 @@ def break_off(own):
 def _close(own, block, e, at):
     """Take a complete cycle into the sums; ``e`` is the first average of the next."""
     n = own.averages
-    if n < FEWEST_AVERAGES:
+    if n < CYCLE_LEAST_AVERAGES:
         own.lost += n
         return
     if own.cycles > MANY_CYCLES:

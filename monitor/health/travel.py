@@ -69,9 +69,8 @@ KEPT: list[Any] = [
     ("noise_known", "i8"),  # whether there is a first guess at it
     ("jump", "f8"),  # blocks in a row with too large a variance
     ("grid", "f8"),  # [s] finest average
-    ("levels", path.DTYPE, (PATH_LEVELS,)),
 ]
-DTYPE = np.dtype([*SUMS, *RUNNING, *KEPT])
+DTYPE = np.dtype([*SUMS, *RUNNING, *KEPT, ("levels", path.DTYPE, (PATH_LEVELS,))])
 
 _decay = halving(SUMS)
 _forget_noise = clearing(NOISE_SUMS)

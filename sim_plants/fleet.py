@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 
@@ -43,7 +44,7 @@ _KINDS = (
     _Kind("T", 0.15, "self-regulating", (4.0, 50.0), (1, 3), (1.0, 12.0), _TEMPERATURE),
 )
 
-_FORMS: tuple[Form, ...] = ("standard", "series", "parallel")
+_FORMS: tuple[Form, ...] = get_args(Form)
 
 # Loops in one area of a plant, which the hundreds of their tags count.
 _AREA_LOOPS = 20

@@ -34,7 +34,7 @@ def said_by(command: str, folder: Path) -> str:
         env=os.environ | {"COLUMNS": "160", "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
-        timeout=900,
+        timeout=1800,
         check=False,
     )
     assert done.returncode == 0, done.stderr

@@ -215,9 +215,7 @@ def test_a_function_fits_a_screen(path: Path) -> None:
 
 def test_a_wrong_import_would_be_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The test itself: relative, nested and plain imports are found."""
-    monkeypatch.setattr(
-        "tests.test_imports.ROOT" if __name__.startswith("tests.") else f"{__name__}.ROOT", tmp_path
-    )
+    monkeypatch.setattr(f"{__name__}.ROOT", tmp_path)
     path = tmp_path / "monitor" / "adapters" / "a.py"
     path.parent.mkdir(parents=True)
     path.write_text(

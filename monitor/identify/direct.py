@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from .response import load_response, response
 from .search import descend, search, walk
 from .uncertainty import (
     SECOND_LAG_SHARE,
+    across_valley,
     correlation_time,
     covariance_by_tangents,
     covariance_of_lost_samples,
@@ -88,14 +90,14 @@ def fit_window(
     if len(window) < LEAST_POINTS:
         return None
     w = search_window(window, process, load, period)
-    found = _explain(w, compared, rival) if w.moved else None
+    found = _explain(w, compared, rival) if w.shows else None
     if found is None:
         return None
-    p = found.p
-    model = (found.gain, float(p[P_LAG]), float(p[P_DEAD_TIME]), float(p[P_LAG] * p[P_SHARE]))
-    fit = with_uncertainty(process, model, window.time, w.pv, found.residual, found.scatter, period)
-    fit = replace(fit, log_likelihood=found.log_likelihood, n_eff=found.n_eff, valley=found.valley)
-    return replace(fit, size=found.load / found.gain, onset=float(p[P_ONSET])) if load else fit
+    best, p = found.best, found.best.p
+    model = (best.gain, float(p[P_LAG]), float(p[P_DEAD_TIME]), float(p[P_LAG] * p[P_SHARE]))
+    fit = with_uncertainty(process, model, window.time, w.pv, found.residual, best.scatter, period)
+    fit = replace(fit, log_likelihood=found.log_likelihood, n_eff=found.n_eff, valley=best.valley)
+    return replace(fit, size=best.load / best.gain, onset=float(p[P_ONSET])) if load else fit
 
 
 def model_response(window: EventWindow, fit: Fit) -> Array:
@@ -110,19 +112,25 @@ def model_response(window: EventWindow, fit: Fit) -> Array:
     return np.asarray(x + np.polynomial.polynomial.polyval(t, rest), dtype=np.float64)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Found:
+class _Optimum(NamedTuple):
     """A model in the parameters of `search`, and how far others reach that explain the window as well."""
 
     p: Array
     gain: float
     load: float
     """Gain times the load's size [PV/s] or [PV]; 0 without a load."""
-    residual: Array
-    """(n,) [PV]."""
     scatter: Array
     """(3, 3) covariance of (ln |gain|, lag, dead time); half a second lag counts for each."""
     valley: Valley | None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Found:
+    """The model of a window."""
+
+    best: _Optimum
+    residual: Array
+    """(n,) [PV]."""
     log_likelihood: float
     """-n_eff/2 ln(residual variance) of the best model with two lags."""
     n_eff: float
@@ -148,18 +156,14 @@ def _explain(w: SearchWindow, compared: bool, rival: Fit | None) -> _Found | Non
         found = _one_lag(w, best)
     else:
         found = _two_lags(w, best, rss / n_eff)
-    p, gain, load, scatter, valley = found
     residual = np.empty(len(w.points.at))
-    evaluate(w.points, p, residual)
-    if gain == 0.0 or not (math.isfinite(gain) and np.isfinite(residual).all()):
+    evaluate(w.points, found.p, residual)
+    if found.gain == 0.0 or not (math.isfinite(found.gain) and np.isfinite(residual).all()):
         return None
-    lost = covariance_of_lost_samples(w, p, gain, load)
-    scatter = scatter + lost
-    if not np.isfinite(scatter).all():
-        return None
-    if valley is not None:
-        valley = replace(valley, across=valley.across + lost)
-    return _Found(p, gain, load, residual, scatter, valley, likelihood, n_eff)
+    lost = covariance_of_lost_samples(w, found.p, found.gain, found.load)
+    valley = None if found.valley is None else replace(found.valley, across=found.valley.across + lost)
+    found = found._replace(scatter=found.scatter + lost, valley=valley)
+    return _Found(found, residual, likelihood, n_eff) if np.isfinite(found.scatter).all() else None
 
 
 def _not_believed(w: SearchWindow, p: Array, better: float) -> bool:
@@ -170,8 +174,8 @@ def _not_believed(w: SearchWindow, p: Array, better: float) -> bool:
     return better <= -SIMPLER_LN or (better < DECIDES_LN and alike)
 
 
-def _one_lag(w: SearchWindow, start: Array) -> tuple[Array, float, float, Array, Valley | None]:
-    """Return p, gain, gain times load, scatter of the best model with this second lag, by its tangents."""
+def _one_lag(w: SearchWindow, start: Array) -> _Optimum:
+    """Return the best model with this second lag, by its tangents."""
     starts = [start]
     if start[P_LAG] < 0.1 * start[P_DEAD_TIME]:  # a lag of a block's length or less is not seen in blocks
         starts.append(
@@ -183,15 +187,14 @@ def _one_lag(w: SearchWindow, start: Array) -> tuple[Array, float, float, Array,
     residual = np.empty(len(w.points.at))
     evaluate(w.points, p, residual)
     tangents = slopes(w.points, p, gain, load)
-    columns = [0, 1, 3, 4, 5] if w.kind >= 2 else [0, 1, 3]
     t = w.points.at
     step = float(t[-1] - t[0]) / len(t)
-    scatter = tangent_scatter(residual, tangents[:, columns], float(p[P_DEAD_TIME] + p[P_LAG]), step)
-    return p, gain, load, scatter, None
+    scatter = tangent_scatter(residual, tangents[:, w.of_one_lag], float(p[P_DEAD_TIME] + p[P_LAG]), step)
+    return _Optimum(p, gain, load, scatter, None)
 
 
-def _two_lags(w: SearchWindow, start: Array, noise: float) -> tuple[Array, float, float, Array, Valley]:
-    """Return p, gain, gain times load, scatter of the middle of the valley.
+def _two_lags(w: SearchWindow, start: Array, noise: float) -> _Optimum:
+    """Return the model in the middle of the valley.
 
     ``start`` is the best model of the blocks, ``noise`` the power of an independent one of their residuals [PV^2].
     """
@@ -211,21 +214,10 @@ def _two_lags(w: SearchWindow, start: Array, noise: float) -> tuple[Array, float
     near[P_DEAD_TIME] = middle
     p, gain, load, _, _ = descend(w.points, near, w.free(BESIDE), prior * len(t) / len(w.blocks.at), 10, 1e-5)
     away = half_rule(nodes, nodes[:, 4]) - half_rule(p[None], np.array([gain]))
-    # what is uncertain at each dead time, and how the dead times differ
-    others = [k for k in range(len(cov)) if k != 3]
-    beside = cov[np.ix_(others, others)] - np.outer(cov[others, 3], cov[3, others]) / cov[3, 3]
-    fold = np.zeros((3, len(others)))
-    fold[0, 0] = fold[1, 1] = 1.0
-    fold[1, 2] = fold[2, 2] = 0.5
-    across = fold @ beside @ fold.T
+    across = across_valley(cov)
     models = np.column_stack(
         [nodes[:, 4], nodes[:, P_LAG], nodes[:, P_DEAD_TIME], nodes[:, P_LAG] * nodes[:, P_SHARE]]
     )
     valley = Valley(models, 2.0 * (nodes[:, -1].max() - nodes[:, -1]), across)
-    return (
-        p,
-        gain,
-        load,
-        across + shrunk_variance(nodes[:, P_DEAD_TIME], middle, weight) * (away.T * weight) @ away,
-        valley,
-    )
+    along = shrunk_variance(nodes[:, P_DEAD_TIME], middle, weight) * (away.T * weight) @ away
+    return _Optimum(p, gain, load, across + along, valley)

@@ -95,8 +95,7 @@ def covariance_of_lost_samples(w: SearchWindow, p: Array, gain: float, load: flo
         return np.zeros((3, 3))
     moves = np.abs(np.diff(u))
     unknown = np.hypot(moves[gaps] / 2, float(np.median(moves))) * (step[gaps] - usual)  # [OP s]
-    columns = [0, 1, 3, 4, 5] if w.kind >= 2 else [0, 1, 3]
-    tangents = slopes(w.blocks, p, gain, load)[:, columns]
+    tangents = slopes(w.blocks, p, gain, load)[:, w.of_one_lag]
     inverse = np.ascontiguousarray(np.linalg.pinv(tangents, rcond=1e-6)[:3])
     moved = of_pulses(w.blocks, gain, p, t[gaps] + usual, t[gaps + 1], unknown, inverse)
     return np.asarray(moved @ moved.T)
@@ -113,6 +112,22 @@ def covariance_by_tangents(w: SearchWindow, p: Array, noise: float) -> Array:
     scaled = tangents * usual
     inverse = np.linalg.inv(scaled.T @ scaled / noise + np.eye(len(usual)))
     return np.asarray(inverse * np.outer(usual, usual))
+
+
+def across_valley(cov: Array) -> Array:
+    """Covariance (3, 3) of (ln |gain|, lag, dead time) at a given dead time, half a second lag in each.
+
+    Parameters
+    ----------
+    cov
+        (4, 4) or (6, 6), by tangents.
+    """
+    others = [k for k in range(len(cov)) if k != 3]
+    beside = cov[np.ix_(others, others)] - np.outer(cov[others, 3], cov[3, others]) / cov[3, 3]
+    fold = np.zeros((3, len(others)))
+    fold[0, 0] = fold[1, 1] = 1.0
+    fold[1, 2] = fold[2, 2] = 0.5
+    return np.asarray(fold @ beside @ fold.T)
 
 
 def node_weights(at: Array, likelihood: Array) -> Array:

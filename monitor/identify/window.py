@@ -46,8 +46,13 @@ class SearchWindow:
         return self.points.kind
 
     @property
-    def moved(self) -> bool:
-        """Whether OP and PV did."""
+    def of_one_lag(self) -> list[int]:
+        """Columns of `slopes`, but the second lag's."""
+        return [0, 1, 3, 4, 5] if self.kind >= 2 else [0, 1, 3]
+
+    @property
+    def shows(self) -> bool:
+        """Whether OP and PV moved."""
         return bool(np.any(self.points.held)) and bool(np.ptp(self.pv) != 0)
 
     def free(self, names: tuple[int, ...]) -> NDArray[np.int64]:

@@ -76,20 +76,20 @@ class Engine:
         self.detector.set_limits(row, self.loops[row])
         history = self._histories.get(row)
         if history is not None:
-            history.retune(self.loops[row], int(self.detector.state["time"][row]) + 1)
+            history.retune(self.loops[row], self.last_sample(row).time + 1)
         return records
 
     def set_back(self, row: int, first: int) -> list[Record]:
         """Begin a loop anew at an earlier time, ``first`` [ns]: its clock was set back, and an open event ends."""
         found = self.detector.flush([row], BY_GAP)
-        self.detector.state["time"][row] = first
+        self.detector.set_back(row, first)
         return self._take(found)
 
     def retire(self, row: int) -> list[Record]:
         """Give up a loop; an open event ends. Its row is as new, for whoever takes it next."""
         records = self._finish(row, BY_GAP)
         for name in COUNTS:
-            self._retired[name] += int(self.detector.state[name][row])
+            self._retired[name] += int(self.detector.state["counts"][name][row])
         self._histories.pop(row, None)
         self.detector.forget(row)
         return records
@@ -177,7 +177,7 @@ class Engine:
 
     def row(self, row: int) -> LoopRow:
         """Return a loop's current row: its verdict, and its health so far."""
-        return self._row(row, self.detector.health[row], float(self.detector.state["period"][row]))
+        return self._row(row, self.detector.health[row], self.last_sample(row).period)
 
     def _row(self, row: int, health: np.void, period: float) -> LoopRow:
         """Return a loop's row with its health and sample period [s] of some moment."""
@@ -203,8 +203,15 @@ class Engine:
     def last_samples(self) -> LastSamples:
         """Return how all loops' samples ended, as of now."""
         state = self.detector.state
-        counts = (state[name] for name in ("ok", "bad_value", "bad_quality", "spoilt"))
-        return LastSamples(state["time"], state["period"], *counts)
+        clock, counts = state["clock"], state["counts"]
+        return LastSamples(
+            time=state["last"]["time"],
+            period=clock["period"],
+            good=counts["ok"],
+            bad_value=counts["bad_value"],
+            bad_quality=counts["bad_quality"],
+            bad_run=clock["bad_run"],
+        )
 
     def last_sample(self, row: int) -> LastSample:
         """Return how a loop's samples ended."""
@@ -212,7 +219,7 @@ class Engine:
 
     def counts(self) -> dict[str, int]:
         """Return what became of all samples, by cause."""
-        return {name: int(self.detector.state[name].sum()) + self._retired[name] for name in COUNTS}
+        return {name: int(self.detector.state["counts"][name].sum()) + self._retired[name] for name in COUNTS}
 
     # -- open events that outlive the process -------------------------------------------------------
 

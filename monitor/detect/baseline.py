@@ -6,133 +6,155 @@ import numpy as np
 
 from monitor.compiled import jit
 
-from .state import (
-    AWAY,
-    BASE,
-    GLITCH,
-    KNOWN,
-    LONG,
-    QUIET,
-    RAMP_CALM,
-    RING,
-    SHORT,
-    SNAPSHOT,
-    TRIGGER,
-    UNREST,
-    WARM_UP,
-    WARMING,
+from .constants import (
+    BASELINE_WEIGHT,
+    GLITCH_MEAN_SIZES,
+    INSIDE_COUNTS_SAMPLES,
+    KNOWN_SAMPLES,
+    LONG_WEIGHT,
+    OUTSIDE_SAMPLES,
+    RAMP_CALM_SAMPLES,
+    RING_SAMPLES,
+    SHORT_WEIGHT,
+    SNAPSHOT_SAMPLES,
+    TRIGGER_SD,
+    WARM_UP_SAMPLES,
 )
+from .state import QUIET, WARMING
 
 
 @jit
 def restart_loop(s, sp, pv):
     """Begin anew after a gap, a mode change, or at the loop's first sample."""
+    noise, now = s.noise, s.noise.now
     s.phase = WARMING
-    s.warm = s.based = s.away = s.ringed = s.looks = 0
-    s.mean_e = s.var_e = s.abs_e = s.var_s = s.var_d = 0.0
-    s.unrest = 0.0
-    s.learn = WARM_UP
-    s.short = s.mean_s = sp - pv
-    s.quantum = 0.0
-    s.held = sp
+    s.ring_n = s.baseline.n = 0
+    noise.n = noise.outside_run = noise.snapshots = 0
+    now.mean_e = now.var_e = now.abs_e = now.var_s = noise.var_d = 0.0
+    noise.unrest = 0.0
+    noise.least_n = WARM_UP_SAMPLES
+    s.last.short_e = now.mean_s = sp - pv
+    noise.quantum = 0.0
+    s.setpoint.level = sp
 
 
 @jit
 def short_weight(dt, period):
     """Weight of the short average over ``dt``: two missed samples weigh as two."""
     if period <= 0 or abs(dt - period) < 1e-3 * period:
-        return SHORT  # the power costs as much as all the rest
-    return 1.0 - (1.0 - SHORT) ** (dt / period)
+        return SHORT_WEIGHT  # the power costs as much as all the rest
+    return 1.0 - (1.0 - SHORT_WEIGHT) ** (dt / period)
 
 
 @jit
-def update_baseline(s, e, pv, op):  # noqa: C901 (a line for each average)
+def update_baseline(s, e, pv, op):
     """Update the baseline of a quiet loop.
 
     Values outside three sigma do not count (they are the disturbance, not the noise). A loop that stays
     outside is one whose level or noise has changed: after a while its baseline begins anew.
     """
-    known = s.warm > s.learn
-    off = abs(s.short - s.mean_s) - 0.5 * s.quantum
-    if known and off > 0.0 and off * off > 25.0 * s.var_s:
-        s.away += 1
-        s.unrest += 1.0
-        # until then it may be a load step in its beginnings: the baseline is still wanted
-        if s.away > RING or (s.moves > 0 and s.based < RAMP_CALM):
-            s.based = 0
-        if s.unrest > AWAY:
-            relearn_noise(s, AWAY)
+    noise, now = s.noise, s.noise.now
+    known = noise.n > noise.least_n
+    off = abs(s.last.short_e - now.mean_s) - 0.5 * noise.quantum
+    if known and off > 0.0 and off * off > 25.0 * now.var_s:
+        _stay_outside(s)
         return
-    s.away = 0
-    if s.unrest > 0.0:
-        s.unrest -= UNREST
-    s.warm += 1
-    if s.warm == 1:
-        s.mean_e = s.mean_s = s.short = e
-        s.abs_e = s.var_e = s.var_s = s.var_d = 0.0
-    w = 1.0 / s.warm if s.warm * LONG < 1.0 else LONG
+    noise.outside_run = 0
+    if noise.unrest > 0.0:
+        noise.unrest -= INSIDE_COUNTS_SAMPLES
+    noise.n += 1
+    if noise.n == 1:
+        now.mean_e = now.mean_s = s.last.short_e = e
+        now.abs_e = now.var_e = now.var_s = noise.var_d = 0.0
+    w = 1.0 / noise.n if noise.n * LONG_WEIGHT < 1.0 else LONG_WEIGHT
     # while little is known, one glitch must not pass for the noise
-    most = GLITCH * s.abs_e if not known and s.warm > 3 and s.abs_e > 0.0 else np.inf
-    d = min(max(e - s.mean_e, -most), most)
-    if not known or d * d <= 9.0 * s.var_e or s.var_e == 0.0:
-        s.mean_e += w * d
-        s.var_e += w * (d * d - s.var_e)
-        s.abs_e += w * (abs(d) - s.abs_e)
-    d = s.short - s.mean_s
-    if known and d * d > 9.0 * s.var_s > 0.0:
-        d = np.sign(d) * 3.0 * np.sqrt(s.var_s)
-    d = min(max(d, -most), most)
-    s.mean_s += w * d
-    s.var_s += w * (d * d - s.var_s)
+    most = GLITCH_MEAN_SIZES * now.abs_e if not known and noise.n > 3 and now.abs_e > 0.0 else np.inf
+    _update_error(now, s.last.short_e, e, w, most, known)
     # second differences see noise and hardly any process: var = 6 sigma^2 for white noise
-    d = min(max(pv - s.pv - s.dpv, -2.0 * most), 2.0 * most)
-    if s.warm > 2 and (not known or d * d <= 16.0 * s.var_d or s.var_d == 0.0):
-        s.var_d += w * (d * d - s.var_d)
-    s.based += 1
-    w = 1.0 / s.based if s.based * BASE < 1.0 else BASE
-    if s.based == 1:
-        s.mean_pv, s.mean_op = pv, op
-    s.mean_pv += w * (pv - s.mean_pv)
-    s.mean_op += w * (op - s.mean_op)
-    if s.phase == WARMING and s.based >= WARM_UP:
+    d = min(max(pv - s.last.pv - s.last.pv_change, -2.0 * most), 2.0 * most)
+    if noise.n > 2 and (not known or d * d <= 16.0 * noise.var_d or noise.var_d == 0.0):
+        noise.var_d += w * (d * d - noise.var_d)
+    _update_level(s.baseline, pv, op)
+    if s.phase == WARMING and s.baseline.n >= WARM_UP_SAMPLES:
         s.phase = QUIET
-    if s.warm >= max(KNOWN, s.learn) and (s.warm - KNOWN) % SNAPSHOT == 0:
-        snapshot_noise(s)
+    if noise.n >= max(KNOWN_SAMPLES, noise.least_n) and (noise.n - KNOWN_SAMPLES) % SNAPSHOT_SAMPLES == 0:
+        snapshot_noise(noise)
 
 
 @jit
-def relearn_noise(s, learn):
-    """Forget the noise: the loop has another one now, to be known after ``learn`` samples (many, to see slow waves)."""
-    s.warm = s.looks = 0
-    s.learn = learn
-    s.unrest = 0.0
+def _stay_outside(s):
+    """Count a sample outside of the band."""
+    s.noise.outside_run += 1
+    s.noise.unrest += 1.0
+    # until then it may be a load step in its beginnings: the baseline is still wanted
+    if s.noise.outside_run > RING_SAMPLES or (s.setpoint.moves > 0 and s.baseline.n < RAMP_CALM_SAMPLES):
+        s.baseline.n = 0
+    if s.noise.unrest > OUTSIDE_SAMPLES:
+        relearn_noise(s, OUTSIDE_SAMPLES)
 
 
 @jit
-def snapshot_noise(s):
-    """Keep the error's noise as it is now; the look before stays at hand."""
-    first = s.looks == 0
-    s.mean_e_2, s.var_e_2 = (s.mean_e, s.var_e) if first else (s.mean_e_1, s.var_e_1)
-    s.mean_s_2, s.var_s_2 = (s.mean_s, s.var_s) if first else (s.mean_s_1, s.var_s_1)
-    s.abs_e_2 = s.abs_e if first else s.abs_e_1
-    s.mean_e_1, s.var_e_1, s.abs_e_1, s.mean_s_1, s.var_s_1 = s.mean_e, s.var_e, s.abs_e, s.mean_s, s.var_s
-    s.looks += 1
+def _update_error(now, short, e, w, most, known):
+    """Take a quiet sample's error and its short average into their means and variances, with weight ``w``."""
+    d = min(max(e - now.mean_e, -most), most)
+    if not known or d * d <= 9.0 * now.var_e or now.var_e == 0.0:
+        now.mean_e += w * d
+        now.var_e += w * (d * d - now.var_e)
+        now.abs_e += w * (abs(d) - now.abs_e)
+    d = short - now.mean_s
+    if known and d * d > 9.0 * now.var_s > 0.0:
+        d = np.sign(d) * 3.0 * np.sqrt(now.var_s)
+    d = min(max(d, -most), most)
+    now.mean_s += w * d
+    now.var_s += w * (d * d - now.var_s)
+
+
+@jit
+def _update_level(baseline, pv, op):
+    """Take a quiet sample into the means of PV and OP."""
+    baseline.n += 1
+    w = 1.0 / baseline.n if baseline.n * BASELINE_WEIGHT < 1.0 else BASELINE_WEIGHT
+    if baseline.n == 1:
+        baseline.pv, baseline.op = pv, op
+    baseline.pv += w * (pv - baseline.pv)
+    baseline.op += w * (op - baseline.op)
+
+
+@jit
+def relearn_noise(s, least_n):
+    """Forget the noise: the loop has another one now, to be known after so many samples (many, to see slow waves)."""
+    s.noise.n = s.noise.snapshots = 0
+    s.noise.least_n = least_n
+    s.noise.unrest = 0.0
+
+
+@jit
+def snapshot_noise(noise):
+    """Keep the error's noise as it is now; the snapshot before stays at hand."""
+    if noise.snapshots == 0:
+        noise.older = noise.now
+    else:
+        noise.older = noise.recent
+    noise.recent = noise.now
+    noise.snapshots += 1
 
 
 @jit
 def load_step_suspected(s):
     """Whether the short average of the error has left its band: a load step, or the plant's weather."""
-    if (s.short - s.mean_s_2) ** 2 <= TRIGGER * TRIGGER * s.var_s_2:
+    noise, older = s.noise, s.noise.older
+    away = s.last.short_e - older.mean_s
+    if away * away <= TRIGGER_SD * TRIGGER_SD * older.var_s:
         return False  # nearly always
-    wider = 1.0 + 30.0 / (KNOWN + SNAPSHOT * max(s.looks - 2, 0))
+    wider = 1.0 + 30.0 / (KNOWN_SAMPLES + SNAPSHOT_SAMPLES * max(noise.snapshots - 2, 0))
     # without noise the band would be nothing: the last event's tail, below its own settling band, is no load
-    least = 0.5 * s.quantum + 2e-3 * abs(s.amplitude) + 1e-9 * abs(s.sp)
-    band = TRIGGER * wider * np.sqrt(s.var_s_2) + least
-    return abs(s.short - s.mean_s_2) > band and (s.moves == 0 or s.based >= RAMP_CALM)
+    least = 0.5 * noise.quantum + 2e-3 * abs(s.event.amplitude) + 1e-9 * abs(s.last.sp)
+    band = TRIGGER_SD * wider * np.sqrt(older.var_s) + least
+    return abs(away) > band and (s.setpoint.moves == 0 or s.baseline.n >= RAMP_CALM_SAMPLES)
 
 
 @jit
 def await_baseline(s):
     """Wait for a new baseline; what is known of the noise stays."""
     s.phase = WARMING
-    s.based = 0
+    s.baseline.n = 0

@@ -22,16 +22,19 @@ from monitor.contract.samples import Samples
 from monitor.health.observe import HEALTH
 
 from . import kernel
+from .constants import RING_SAMPLES, TOO_LARGE, WINDOW_POINTS
 from .event import BY_END, CAUSES, STATES, ClosedEvent, EventWindow, Opened
-from .state import EVENT_OUT, OPENED, PARAM, RING, STATE, TOO_LARGE, WINDOW
+from .state import OPENED, OUT, PARAM, STATE, Batch, Stores
 
-OUT = np.dtype([*EVENT_OUT, ("health", HEALTH)])
-"""What the kernel hands out; a closed event with the loop's health of that moment."""
+MOST_OUT = 256
+"""Rows for what a call of the kernel hands out; with more it is called again."""
 Found = list[Opened | ClosedEvent]
 """What opened and closed, in the samples' order."""
 _AS_THEY_ARE = tuple(
     f.name for f in fields(ClosedEvent) if f.name not in {"state", "cause", "quiet", "window", "health"}
 )
+_PER_LOOP = ("state", "health", "ring", "ring_time", "coarse", "coarse_time")
+"""What is known of the loops beyond the table: arrays with a row for each."""
 
 
 class Detector:
@@ -44,34 +47,45 @@ class Detector:
     """
 
     def __init__(self, loops: list[Loop]) -> None:
-        self.param = np.zeros(0, PARAM)
-        self.state = np.zeros(0, STATE)
-        self.health = np.zeros(0, HEALTH)
-        self.ring = np.zeros((0, RING, 3))
-        self.ring_time = np.zeros((0, RING), np.int64)
-        self.coarse = np.zeros((0, RING, 3))
-        self.coarse_time = np.zeros((0, RING), np.int64)
-        self.slab = np.zeros((0, WINDOW, 4))
-        self.free = np.zeros(0, np.int64)
-        self.n_free = np.zeros(1, np.int64)
-        self.out = np.zeros(256, OUT)
+        self.stores = Stores(
+            param=np.zeros(0, PARAM),
+            state=np.zeros(0, STATE),
+            health=np.zeros(0, HEALTH),
+            ring=np.zeros((0, RING_SAMPLES, 3)),
+            ring_time=np.zeros((0, RING_SAMPLES), np.int64),
+            coarse=np.zeros((0, RING_SAMPLES, 3)),
+            coarse_time=np.zeros((0, RING_SAMPLES), np.int64),
+            slab=np.zeros((0, WINDOW_POINTS, 4)),
+            free=np.zeros(0, np.int64),
+            n_free=np.zeros(1, np.int64),
+            out=np.zeros(MOST_OUT, OUT),
+        )
         self.add(loops)
+
+    @property
+    def state(self) -> NDArray[Any]:
+        """(L,) the loops' states, of dtype `STATE`."""
+        return self.stores.state
+
+    @property
+    def health(self) -> NDArray[Any]:
+        """(L,) the loops' health records, of dtype `HEALTH`."""
+        return self.stores.health
+
+    @property
+    def param(self) -> NDArray[Any]:
+        """(L,) what the table says of the loops, of dtype `PARAM`."""
+        return self.stores.param
 
     def add(self, loops: list[Loop]) -> None:
         """Add rows for these loops, others untouched."""
-        param, state = np.zeros(len(loops), PARAM), np.zeros(len(loops), STATE)
-        for row, loop in zip(param, loops, strict=True):
-            _fill(row, loop)
-        state["slot"] = -1
-        state["period"] = param["period"]
-        self.param = np.concatenate([self.param, param])
-        self.state = np.concatenate([self.state, state])
-        n = len(self.state)
-        self.health = _grown(self.health, n)
-        self.ring = _grown(self.ring, n)
-        self.ring_time = _grown(self.ring_time, n)
-        self.coarse = _grown(self.coarse, n)
-        self.coarse_time = _grown(self.coarse_time, n)
+        known, n = len(self.state), len(self.state) + len(loops)
+        grown = {name: _grown(getattr(self.stores, name), n) for name in ("param", *_PER_LOOP)}
+        self.stores = self.stores._replace(**grown)
+        for row, loop in enumerate(loops, known):
+            _fill(self.param[row], loop)
+        self.state["window"]["slot"][known:] = -1
+        self.state["clock"]["period"][known:] = self.param["period"][known:]
 
     def set_limits(self, row: int, loop: Loop) -> None:
         """Take over a loop's ranges, limits and nominal period, as its table has them now."""
@@ -80,50 +94,49 @@ class Detector:
     @property
     def open_rows(self) -> NDArray[np.intp]:
         """Rows of the loops with an open event."""
-        return np.flatnonzero(self.state["slot"] >= 0)
+        return np.flatnonzero(self.state["window"]["slot"] >= 0)
+
+    def set_back(self, row: int, time: int) -> None:
+        """Take an earlier ``time`` [ns since 1970] for that of a loop's last sample: its clock was set back."""
+        self.state["last"]["time"][row] = time
 
     def forget(self, row: int) -> None:
         """Make a loop's row as new, for another loop; no event of it is open."""
         for array in (self.state, self.health):
-            array[row] = 0
-        self.state["slot"][row] = -1
+            array[row] = np.zeros((), array.dtype)
+        self.state["window"]["slot"][row] = -1
         _fill(self.param[row], Loop(name="-"))
-
-    @property
-    def _per_loop(self) -> dict[str, NDArray[Any]]:
-        """What is known of the loops beyond the table: arrays with a row for each."""
-        names = ("state", "health", "ring", "ring_time", "coarse", "coarse_time")
-        return {name: getattr(self, name) for name in names}
 
     def known(self, rows: NDArray[np.intp]) -> dict[str, NDArray[Any]]:
         """Copy all that is known of loops with an open event: for each name an array with a row for each loop.
 
         Among them ``onset``, of its event [ns since 1970].
         """
-        arrays = {name: array[rows] for name, array in self._per_loop.items()}
-        return {**arrays, "onset": self.state["onset"][rows], "window": self.slab[self.state["slot"][rows]]}
+        arrays = {name: getattr(self.stores, name)[rows] for name in _PER_LOOP}
+        state = arrays["state"]
+        return {
+            **arrays,
+            "onset": state["event"]["onset"],
+            "window": self.stores.slab[state["window"]["slot"]],
+        }
 
     def adopt(self, row: int, known: dict[str, Any]) -> None:
         """Go on with a loop whose event was open in another detector: its row of each array of `known`."""
         self._make_room()
-        self.n_free[0] -= 1
-        slot = self.free[self.n_free[0]]
-        for name, array in self._per_loop.items():
-            array[row] = known[name]
-        self.slab[slot] = known["window"]
-        self.state["slot"][row] = slot
+        slot = self._take_slot()
+        for name in _PER_LOOP:
+            getattr(self.stores, name)[row] = known[name]
+        self.stores.slab[slot] = known["window"]
+        self.state["window"]["slot"][row] = slot
 
     def run(self, samples: Samples) -> Found:
         """Take in samples; return what opened and closed, in the samples' order."""
         found: Found = []
+        batch = Batch(*(getattr(samples, name) for name in Batch._fields))
         at = 0
         while at < len(samples):
             self._make_room()
-            at, n = kernel.run(
-                self.state, self.health, self.param, self.ring, self.ring_time, self.coarse, self.coarse_time,
-                self.slab, self.free, self.n_free, self.out,
-                samples.loop, samples.time, samples.sp, samples.pv, samples.op, samples.auto, samples.quality, at,
-            )  # fmt: skip
+            at, n = kernel.run(self.stores, batch, at)
             found += self._drain(n)
         return found
 
@@ -131,39 +144,45 @@ class Detector:
         """Close the open events of these rows (default: all) as interrupted, by default by the end of the data."""
         found: Found = []
         for row in self.open_rows if loops is None else loops:
-            found += self._drain(
-                kernel.flush(self.state, self.health, self.free, self.n_free, self.out, row, cause)
-            )
+            found += self._drain(kernel.flush(self.stores, row, cause))
         return found
 
     def _make_room(self) -> None:
         """Have at least one free slot; the slab doubles, so that an upset of the whole plant costs few copies."""
-        if self.n_free[0] > 0:
+        if self.stores.n_free[0] > 0:
             return
-        n = len(self.slab)
+        n = len(self.stores.slab)
         more = min(max(n, 16), max(2 * len(self.state), 16))
-        self.slab = _grown(self.slab, n + more)
-        self.free = _grown(np.arange(n + more - 1, n - 1, -1), n + more)
-        self.n_free[0] = more
+        slab = _grown(self.stores.slab, n + more)
+        free = _grown(np.arange(n + more - 1, n - 1, -1), n + more)
+        self.stores = self.stores._replace(slab=slab, free=free)
+        self.stores.n_free[0] = more
+
+    def _take_slot(self) -> int:
+        self.stores.n_free[0] -= 1
+        return int(self.stores.free[self.stores.n_free[0]])
+
+    def _free_slot(self, slot: int) -> None:
+        self.stores.free[self.stores.n_free[0]] = slot
+        self.stores.n_free[0] += 1
 
     def _drain(self, n: int) -> Found:
         """Copy what the kernel handed out, and free the slots of closed events."""
         found: Found = []
-        for out in self.out[:n]:
+        for out in self.stores.out[:n]:
             if out["what"] == OPENED:
                 found.append(Opened(*(out[name].item() for name in ("row", "number", "onset", "amplitude"))))
                 continue
-            time, sp, pv, op = self.slab[out["slot"], : out["points"]].T.copy()
-            window = EventWindow(time, sp, pv, op, int(out["before"]))
-            self.free[self.n_free[0]] = out["slot"]
-            self.n_free[0] += 1
+            slot = int(out["slot"])
+            time, sp, pv, op = self.stores.slab[slot, : out["points"]].T.copy()
+            self._free_slot(slot)
             found.append(
                 ClosedEvent(
                     **{name: out[name].item() for name in _AS_THEY_ARE},
                     state=STATES[out["state"]],
                     cause=CAUSES[out["cause"]],
                     quiet=bool(out["quiet"]),
-                    window=window,
+                    window=EventWindow(time, sp, pv, op, int(out["before"])),
                     health=out["health"].copy(),
                 )
             )

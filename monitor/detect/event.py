@@ -112,12 +112,8 @@ class ClosedEvent:
     """Integral of OP from its rest [OP s]."""
     s2: float
     """Integral of `s1` [OP s^2]."""
-    s3: float
-    """Integral of `s2` [OP s^3]."""
     y1: float
     """Integral of PV from its rest [PV s]."""
-    y2: float
-    """Integral of `y1` [PV s^2]."""
     window: EventWindow
     health: np.void
     """The loop's health record (dtype `HEALTH`) at the event's end, so that what is concluded does not depend on how

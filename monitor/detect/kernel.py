@@ -10,85 +10,81 @@ import numpy as np
 
 from monitor.compiled import jit
 
+from . import act
 from .accept import accepted, follow_rate, keep_last, remember
 from .baseline import await_baseline
-from .phases import advance, apply_actions, cut_or_drop, end_event
-from .state import BEGIN, BEGIN_LOAD, CANDIDATE, CUT, DROP, EVENT, RING
-from .window import append, begin_load, close, drop
+from .constants import RING_SAMPLES
+from .phases import advance, cut_or_drop, end_event
+from .state import CANDIDATE, EVENT
+from .window import append, begin, begin_load, close, confirm, drop
 
 
 @jit
-def run(
-    state,
-    health,
-    param,
-    ring,
-    ring_time,
-    coarse,
-    coarse_time,
-    slab,
-    free,
-    n_free,
-    out,
-    loop,
-    time,
-    sp,
-    pv,
-    op,
-    auto,
-    quality,
-    at,
-):
+def run(stores, batch, at):
     """Run from sample ``at`` until the samples or the room for events end; return (next sample, events).
 
-    What concerns one loop's numbers happens in `_step`, which says what is to be done with its window: so the
+    What concerns one loop's numbers happens in `advance`, which says what is to be done with its window: so the
     quiet sample, which is nearly every one, touches nothing else.
     """
     n = 0
-    for k in range(at, len(time)):
+    for k in range(at, len(batch.time)):
         # one sample closes one event, opens another, and takes one slot, at most
-        if n + 2 > len(out) or n_free[0] == 0:
+        if n + 2 > len(stores.out) or stores.n_free[0] == 0:
             return k, n
-        i = loop[k]
-        s = state[i]
-        r = sp[k]
-        held = np.isnan(r) and s.seen > 0
-        if held:
-            r = s.sp  # a set point holds until it is said to have changed
-        if not accepted(s, param[i], time[k], r, pv[k], op[k], quality[k]):
+        i = batch.loop[k]
+        s, p = stores.state[i], stores.param[i]
+        time, sp, pv, op, auto = batch.time[k], batch.sp[k], batch.pv[k], batch.op[k], batch.auto[k]
+        missing = np.isnan(sp) and s.counts.ok > 0
+        if missing:
+            sp = s.last.sp  # a set point holds until it is said to have changed
+        if not accepted(s, p, time, sp, pv, op, batch.quality[k]):
             continue
-        act = advance(s, health[i], param[i], time[k], r, pv[k], op[k], auto[k])
-        if s.slot >= 0 and not act & (CUT | DROP):
-            append(s, slab, time[k], r, pv[k], op[k])
-        if act:
-            n = apply_actions(act, s, health[i], ring, ring_time, slab, free, n_free, out, n, i, time[k], r)
-            if act & BEGIN_LOAD:
-                begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time[k], pv[k])
-            if act & (BEGIN | BEGIN_LOAD):
-                append(s, slab, time[k], r, pv[k], op[k])
-        keep_last(s, time[k], r, pv[k], op[k], auto[k])
-        s.blind = s.blind + 1 if held else 0
-        remember(s, i, ring, ring_time, coarse, coarse_time, time[k], r, pv[k], op[k])
-        m = s.ringed
-        if m & (RING - 1) == 0 or (m < RING and m >= 8 and m & (m - 1) == 0):
+        todo = advance(s, stores.health[i], p, time, sp, pv, op, auto)
+        if s.window.slot >= 0 and not todo & (act.CUT | act.DROP):
+            append(s, stores.slab, time, sp, pv, op)
+        if todo:
+            n = apply_actions(todo, s, stores, n, i, time, sp, pv, op)
+        keep_last(s, time, sp, pv, op, auto)
+        s.clock.sp_missing_run = s.clock.sp_missing_run + 1 if missing else 0
+        remember(s, stores, i, time, sp, pv, op)
+        m = s.ring_n
+        if m & (RING_SAMPLES - 1) == 0 or (m < RING_SAMPLES and m >= 8 and m & (m - 1) == 0):
             # at 8, 16, 32, 64, then once a turn: a gateway that changes its rate is followed
-            follow_rate(s, param[i], ring_time, i)
-    return len(time), n
+            follow_rate(s, p, stores.ring_time, i)
+    return len(batch.time), n
 
 
 @jit
-def flush(state, health, free, n_free, out, i, cause):
+def apply_actions(todo, s, stores, n, i, time, sp, pv, op):
+    """Do with the window what `advance` asked for; return the number of events in ``out``."""
+    if todo & act.DROP:
+        drop(s, stores)
+    if todo & act.CONFIRM:
+        n = confirm(s, stores.out, n, i, time, sp)
+    if todo & (act.CUT | act.DONE):
+        await_baseline(s)
+        n = close(s, stores.health[i], stores.out, n, i)
+    if todo & (act.BEGIN | act.BEGIN_LOAD):
+        begin(s, stores, i, time)
+        if todo & act.BEGIN_LOAD:
+            begin_load(s, stores, i, time, pv)
+        append(s, stores.slab, time, sp, pv, op)
+    return n
+
+
+@jit
+def flush(stores, i, cause):
     """Close a loop's open event for a cause from outside; return the number of events in ``out``."""
-    s = state[i]
+    s = stores.state[i]
     if s.phase == CANDIDATE:
-        drop(s, free, n_free)
+        drop(s, stores)
         await_baseline(s)
     if s.phase != EVENT:
         return 0
-    if cut_or_drop(s) == DROP:
-        drop(s, free, n_free)
+    if cut_or_drop(s) == act.DROP:
+        drop(s, stores)
         await_baseline(s)
         return 0
-    end_event(s, 2, cause, s.time)
+    end_event(s, 2, cause, s.last.time)
     await_baseline(s)
-    return close(s, health[i], out, 0, i)
+    return close(s, stores.health[i], stores.out, 0, i)

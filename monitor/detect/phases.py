@@ -7,6 +7,7 @@ import numpy as np
 from monitor.compiled import jit
 from monitor.health.observe import observe
 
+from . import act
 from .accept import count_gaps, other_units
 from .baseline import (
     await_baseline,
@@ -16,84 +17,84 @@ from .baseline import (
     short_weight,
     update_baseline,
 )
+from .constants import (
+    CALM_SAMPLES,
+    KNOWN_SAMPLES,
+    MAX_GAP_PERIODS,
+    MOST_HALF_WAVES,
+    NOISE_FREE_SD,
+    OUTSIDE_SAMPLES,
+    RAMP_REST_PERIODS,
+    SP_MISSING_SAMPLES,
+    SPIKE_SD,
+    STILLER_SD,
+    SUSPECTED_LOAD_QUANTA,
+    SUSPECTED_LOAD_SD,
+    TIMEOUT_PERIODS,
+    WARM_UP_SAMPLES,
+)
 from .event import BY_GAP, BY_MODE, BY_STEP, LOAD_STEP, SETPOINT_STEP
 from .setpoint import come_to_rest, has_moved, is_at_rest, note_move, start_moving
-from .state import (
-    AWAY,
-    BEGIN,
-    BEGIN_LOAD,
-    BLIND,
-    CALM,
-    CANDIDATE,
-    CONFIRM,
-    CUT,
-    DONE,
-    DROP,
-    EVENT,
-    HALF_WAVES,
-    KNOWN,
-    LOAD_QUANTA,
-    LOAD_STANDS_OUT,
-    MAX_GAP,
-    MOVING,
-    NOISE_FREE,
-    OUTLIER,
-    QUIET,
-    RAMP_REST,
-    STILLER,
-    TIMEOUT,
-    WARM_UP,
-)
-from .window import add, begin, close, confirm, drop, restart_settling
+from .state import CANDIDATE, EVENT, MOVING, QUIET
+from .window import add, restart_settling
 
 
 @jit
 def advance(s, h, p, time, sp, pv, op, auto):
-    """Take in one good sample; return what to do with the loop's window, as a sum of actions."""
-    if s.seen == 0:
-        s.moved = time
+    """Take in one good sample; return what to do with the loop's window, as a sum of `act`'s."""
+    last, clock = s.last, s.clock
+    if s.counts.ok == 1:
+        s.setpoint.moved_at = time
         restart_loop(s, sp, pv)
         return 0
-    back = time < s.time
-    dt = 0.0 if back else (time - s.time) * 1e-9
-    gap = back or (s.period > 0 and dt > MAX_GAP * s.period) or (s.blind > BLIND and sp != s.sp)
-    stepping = s.phase == EVENT and s.kind == SETPOINT_STEP
-    observe(h, s, s.period, p, dt, gap, sp, pv, op, auto, s.phase <= QUIET, stepping)
-    if gap or s.gaps > 0:
+    back = time < last.time
+    dt = 0.0 if back else (time - last.time) * 1e-9
+    unseen = clock.sp_missing_run > SP_MISSING_SAMPLES and sp != last.sp
+    gap = back or (clock.period > 0 and dt > MAX_GAP_PERIODS * clock.period) or unseen
+    stepping = s.phase == EVENT and s.event.kind == SETPOINT_STEP
+    observe(h, last, clock.period, p, dt, gap, sp, pv, op, auto, s.phase <= QUIET, stepping)
+    if gap or clock.gap_run > 0:
         count_gaps(s, time, dt, gap, back)
-    if gap or not auto or not s.auto or (sp != s.held and other_units(s, sp, pv)):
-        return _break_off(s, BY_MODE if s.auto != auto and not gap else BY_GAP, sp, pv)
-    if s.slot >= 0:
+    if gap or not auto or not last.auto or (sp != s.setpoint.level and other_units(s, sp, pv)):
+        return _break_off(s, BY_MODE if last.auto != auto and not gap else BY_GAP, sp, pv)
+    if s.window.slot >= 0:
         _integrate(s, p, dt, pv)
-    d = sp - pv - s.short
-    if s.phase == QUIET and OUTLIER * OUTLIER * s.var_e < d * d < NOISE_FREE * NOISE_FREE * s.var_e:
-        most = OUTLIER * (np.sqrt(s.var_e) + 0.5 * s.quantum + 2e-3 * abs(s.amplitude))
-        d = min(max(d, -most), most)
-    s.short += short_weight(dt, s.period) * d
+    _update_short(s, dt, sp - pv)
     if s.phase > QUIET:
         return _follow(s, time, dt, sp, pv)
-    if s.warm < WARM_UP // 2:
-        s.held = sp  # without a baseline no move is looked at, and the set point's jitter is not known
-    elif has_moved(s, sp) and s.period > 0:
+    if s.noise.n < WARM_UP_SAMPLES // 2:
+        s.setpoint.level = sp  # without a baseline no move is looked at: the set point's jitter is not known
+    elif has_moved(s, sp) and clock.period > 0:
         start_moving(s, time, sp)
-        return BEGIN
-    if s.phase == QUIET and s.looks > 0 and s.based >= CALM and load_step_suspected(s):
-        return BEGIN_LOAD
+        return act.BEGIN
+    if s.phase == QUIET and s.noise.snapshots > 0 and s.baseline.n >= CALM_SAMPLES and load_step_suspected(s):
+        return act.BEGIN_LOAD
     update_baseline(s, sp - pv, pv, op)
     return 0
 
 
 @jit
+def _update_short(s, dt, e):
+    """Carry the error's short average on; in a quiet loop a spike does not pull it far."""
+    d = e - s.last.short_e
+    var_e = s.noise.now.var_e
+    if s.phase == QUIET and SPIKE_SD * SPIKE_SD * var_e < d * d < NOISE_FREE_SD * NOISE_FREE_SD * var_e:
+        most = SPIKE_SD * (np.sqrt(var_e) + 0.5 * s.noise.quantum + 2e-3 * abs(s.event.amplitude))
+        d = min(max(d, -most), most)
+    s.last.short_e += short_weight(dt, s.clock.period) * d
+
+
+@jit
 def _break_off(s, cause, sp, pv):
     """Begin anew; return what becomes of an open window."""
-    act = 0
+    todo = 0
     if s.phase == CANDIDATE:
-        act = DROP  # a set-point move that was cut off before it was confirmed
+        todo = act.DROP  # a set-point move that was cut off before it was confirmed
     elif s.phase == EVENT:
-        end_event(s, 2, cause, s.time)
-        act = cut_or_drop(s)
+        end_event(s, 2, cause, s.last.time)
+        todo = cut_or_drop(s)
     restart_loop(s, sp, pv)
-    return act
+    return todo
 
 
 @jit
@@ -102,62 +103,49 @@ def _follow(s, time, dt, sp, pv):
     if s.phase == MOVING:
         if has_moved(s, sp):
             note_move(s, time, sp)
-        elif is_at_rest(s, time, RAMP_REST):
+        elif is_at_rest(s, time, RAMP_REST_PERIODS):
             await_baseline(s)
         return 0
     if s.phase == EVENT:
-        if s.kind == LOAD_STEP:
-            s.amplitude = max(s.amplitude, abs(s.short - s.mean_s))
-        if has_moved(s, sp) and abs(sp - s.held) > 0.02 * abs(s.amplitude):
+        event = s.event
+        if event.kind == LOAD_STEP:
+            event.amplitude = max(event.amplitude, abs(s.last.short_e - s.noise.now.mean_s))
+        if has_moved(s, sp) and abs(sp - s.setpoint.level) > 0.02 * abs(event.amplitude):
             end_event(s, 2, BY_STEP, time)
-            act = cut_or_drop(s) | BEGIN
+            todo = cut_or_drop(s) | act.BEGIN
             start_moving(s, time, sp)
-            return act
+            return todo
         if not has_settled(s, time, dt, sp - pv):
             return 0
-        s.moves = 0
-        if cut_or_drop(s) == CUT:
-            return DONE
+        s.setpoint.moves = 0
+        if cut_or_drop(s) == act.CUT:
+            return act.DONE
         await_baseline(s)
-        return DROP
+        return act.DROP
     return come_to_rest(s, time, sp)
-
-
-@jit
-def apply_actions(act, s, h, ring, ring_time, slab, free, n_free, out, n, i, time, sp):
-    """Do with the window what `_step` asked for; return the number of events in ``out``."""
-    if act & DROP:
-        drop(s, free, n_free)
-    if act & CONFIRM:
-        n = confirm(s, out, n, i, time, sp)
-    if act & (CUT | DONE):
-        await_baseline(s)
-        n = close(s, h, out, n, i)
-    if act & (BEGIN | BEGIN_LOAD):
-        begin(s, ring, ring_time, slab, free, n_free, i, time)
-    return n
 
 
 @jit
 def end_event(s, state, cause, time):
     """Note how, why and when an event ends."""
-    s.end_state, s.end_cause, s.end = state, cause, time
+    s.event.state, s.event.cause, s.event.end = state, cause, time
 
 
 @jit
 def cut_or_drop(s):
     """Say what becomes of an event that is over: a load step no larger than what weather brings is forgotten."""
-    nothing = s.amplitude < max(LOAD_STANDS_OUT * np.sqrt(s.var_s), LOAD_QUANTA * s.quantum)
-    return DROP if s.kind == LOAD_STEP and nothing else CUT
+    least = max(SUSPECTED_LOAD_SD * np.sqrt(s.noise.now.var_s), SUSPECTED_LOAD_QUANTA * s.noise.quantum)
+    return act.DROP if s.event.kind == LOAD_STEP and s.event.amplitude < least else act.CUT
 
 
 @jit
 def _integrate(s, p, dt, pv):
     """Account for one sample of an open event."""
-    add(s, s.sp, s.pv, pv, s.op, dt)
-    s.good_time += dt if s.period == 0 else min(dt, 1.5 * s.period)
-    if s.op <= p.op_low or s.op >= p.op_high:
-        s.saturated_time += dt
+    last, period, integrals = s.last, s.clock.period, s.integrals
+    add(s, last.sp, last.pv, pv, last.op, dt)
+    integrals.good_time += dt if period == 0 else min(dt, 1.5 * period)
+    if last.op <= p.op_low or last.op >= p.op_high:
+        integrals.saturated_time += dt
 
 
 @jit
@@ -167,38 +155,40 @@ def has_settled(s, time, dt, e):
     Away from zero (no integral action, saturation, or just a flat top) it has to lie four times as long, and
     twenty times where PV is still about where it was before the step, or where a load has sent it.
     """
-    size = abs(s.amplitude)
+    settling, noise, period, short = s.settling, s.noise, s.clock.period, s.last.short_e
+    size = abs(s.event.amplitude)
     # the band of the short average when quiet; where that is not well known, 2 % of the step or white noise's
-    band = min(6.0 * np.sqrt(s.var_s), max(0.02 * size, 2.0 * s.noise))
+    band = min(6.0 * np.sqrt(noise.now.var_s), max(0.02 * size, 2.0 * s.event.noise))
     # a transmitter toggles between its last bits
-    band = max(band, 0.5 * min(s.quantum, size), min(1.5 * s.quantum, 0.1 * size), 1e-4 * size)
-    s.low, s.high = min(s.low, s.short), max(s.high, s.short)
-    s.sum_e += e * dt
-    s.sum_t += dt
-    if s.high - s.low > 2.0 * band:
-        _turn(s, 1 if s.short == s.high else -1)
+    band = max(band, 0.5 * min(noise.quantum, size), min(1.5 * noise.quantum, 0.1 * size), 1e-4 * size)
+    settling.low, settling.high = min(settling.low, short), max(settling.high, short)
+    settling.sum_e += e * dt
+    settling.sum_t += dt
+    if settling.high - settling.low > 2.0 * band:
+        _turn(settling, 1 if short == settling.high else -1)
         restart_settling(s, time)
-    rest = (time - s.still) * 1e-9
-    busy = (s.still - s.onset) * 1e-9
-    offset = abs(s.sum_e)
-    patience = 1.0 if offset <= 0.5 * band * s.sum_t else 4.0
-    if offset > (0.5 if s.kind == LOAD_STEP else 0.8) * size * s.sum_t:
+    rest = (time - settling.since) * 1e-9
+    busy = (settling.since - s.event.onset) * 1e-9
+    offset = abs(settling.sum_e)
+    patience = 1.0 if offset <= 0.5 * band * settling.sum_t else 4.0
+    if offset > (0.5 if s.event.kind == LOAD_STEP else 0.8) * size * settling.sum_t:
         patience = 20.0  # PV has hardly begun, or has not begun to return: dead time, or a long lag
-    if rest >= patience * max(WARM_UP * s.period, 0.5 * busy):
+    if rest >= patience * max(WARM_UP_SAMPLES * period, 0.5 * busy):
         end_event(s, 1, 0, time)
-        if s.high - s.low < STILLER * np.sqrt(s.var_s) and rest > KNOWN * s.period:
-            relearn_noise(s, WARM_UP)
+        stiller = settling.high - settling.low < STILLER_SD * np.sqrt(noise.now.var_s)
+        if stiller and rest > KNOWN_SAMPLES * period:
+            relearn_noise(s, WARM_UP_SAMPLES)
         return True
-    if rest + busy > TIMEOUT * s.period or s.waves > HALF_WAVES:
+    if rest + busy > TIMEOUT_PERIODS * period or settling.half_waves > MOST_HALF_WAVES:
         end_event(s, 3, 0, time)
-        relearn_noise(s, AWAY)
+        relearn_noise(s, OUTSIDE_SAMPLES)
         return True
     return False
 
 
 @jit
-def _turn(s, side):
+def _turn(settling, side):
     """Count half waves: the error has left the band in which it lay, upwards or downwards."""
-    if side != s.side:
-        s.waves += 1
-        s.side = side
+    if side != settling.side:
+        settling.half_waves += 1
+        settling.side = side

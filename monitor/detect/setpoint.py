@@ -6,73 +6,79 @@ import numpy as np
 
 from monitor.compiled import jit
 
-from .state import (
-    CONFIRM,
-    DROP,
-    MOVING,
-    PACE,
-    PATIENCE,
-    QUIET,
-    RESTLESS,
-    ROUNDING,
-    SAME_LEVEL,
-    STEP_LASTS,
-    STEP_MOVES,
-    STEP_REST,
-    STEP_STANDS_OUT,
+from . import act
+from .constants import (
+    MOST_PACE_PERIODS,
+    REST_PACES,
+    RESTLESS_PERIODS,
+    ROUNDING_SHARE,
+    SAME_LEVEL_SD,
+    STEP_LASTS_PERIODS,
+    STEP_MOVES_SAMPLES,
+    STEP_REST_PERIODS,
+    STEP_STANDS_OUT_SD,
 )
+from .state import MOVING, QUIET
 
 
 @jit
 def has_moved(s, sp):
     """Whether a set point is no longer where it last rested or moved to."""
-    return sp != s.held and abs(sp - s.held) > SAME_LEVEL * np.sqrt(s.var_e) + ROUNDING * abs(sp)
+    level = s.setpoint.level
+    return sp != level and abs(sp - level) > SAME_LEVEL_SD * np.sqrt(
+        s.noise.now.var_e
+    ) + ROUNDING_SHARE * abs(sp)
 
 
 @jit
 def start_moving(s, time, sp):
     """Note that a set point leaves its rest."""
-    s.sp_from = s.held
-    s.moves = 0
+    s.setpoint.came_from = s.setpoint.level
+    s.setpoint.moves = 0
     note_move(s, time, sp)
 
 
 @jit
 def note_move(s, time, sp):
     """Note that a set point moves, and how often it does."""
-    rest = (time - s.moved) * 1e-9 / s.period
-    if s.pace > 0:
-        s.pace = 0.5 * (s.pace + min(rest, PACE))
+    setpoint = s.setpoint
+    rest = (time - setpoint.moved_at) * 1e-9 / s.clock.period
+    if setpoint.pace > 0:
+        setpoint.pace = 0.5 * (setpoint.pace + min(rest, MOST_PACE_PERIODS))
     else:  # only a part of the first rest was seen: a short one counts as a master's scan, to be outlasted by half
-        s.pace = min(2.0 * rest, PACE) if 2.0 * rest >= RESTLESS else 1.5 * rest / PATIENCE
-    s.moved = time
-    s.moves += 1
-    s.held = sp
+        short = 2.0 * rest < RESTLESS_PERIODS
+        setpoint.pace = 1.5 * rest / REST_PACES if short else min(2.0 * rest, MOST_PACE_PERIODS)
+    setpoint.moved_at = time
+    setpoint.moves += 1
+    setpoint.level = sp
 
 
 @jit
 def is_at_rest(s, time, least):
     """Whether a moving set point has come to rest [least: periods]."""
-    need = max(least, PATIENCE * s.pace) if s.pace < RESTLESS else least
-    return (time - s.moved) * 1e-9 > (need - 0.5) * s.period
+    pace = s.setpoint.pace
+    need = max(least, REST_PACES * pace) if pace < RESTLESS_PERIODS else least
+    return (time - s.setpoint.moved_at) * 1e-9 > (need - 0.5) * s.clock.period
 
 
 @jit
 def come_to_rest(s, time, sp):
     """Follow a set point that has begun to move: a step, a ramp, or nothing; return what to do."""
+    setpoint, event = s.setpoint, s.event
     if has_moved(s, sp):
-        s.moves += 1
-        s.held = sp
-        lasted = (time - s.onset) * 1e-9 / s.period
-        if s.moves > STEP_MOVES or lasted > STEP_LASTS:
-            s.pace = min(s.pace, lasted / (s.moves - 1))
+        setpoint.moves += 1
+        setpoint.level = sp
+        lasted = (time - event.onset) * 1e-9 / s.clock.period
+        if setpoint.moves > STEP_MOVES_SAMPLES or lasted > STEP_LASTS_PERIODS:
+            setpoint.pace = min(setpoint.pace, lasted / (setpoint.moves - 1))
             s.phase = MOVING
-        s.moved = time
-        return DROP if s.phase == MOVING else 0
-    if not is_at_rest(s, time, STEP_REST):
+        setpoint.moved_at = time
+        return act.DROP if s.phase == MOVING else 0
+    if not is_at_rest(s, time, STEP_REST_PERIODS):
         return 0
-    s.amplitude = sp - s.sp_from
-    if abs(s.amplitude) > max(STEP_STANDS_OUT * max(s.error_sd, 0.99 * s.quantum), ROUNDING * abs(sp)):
-        return CONFIRM
+    event.amplitude = sp - setpoint.came_from
+    least = STEP_STANDS_OUT_SD * max(event.error_sd, 0.99 * s.noise.quantum)
+    if abs(event.amplitude) > max(least, ROUNDING_SHARE * abs(sp)):
+        return act.CONFIRM
     s.phase = QUIET  # the set point moved, but within the noise
-    return DROP
+    return act.DROP

@@ -1,137 +1,225 @@
-"""What the streaming kernel keeps of a loop and hands out: constants with their reasons, and record layouts."""
+"""What detection keeps of a loop, and the arrays that it keeps it in: layouts, every field with its unit."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any, NamedTuple
 
-WARM_UP = 20
-"""Quiet samples before a baseline is trusted: the mean of 20 has 0.22 of one sample's noise."""
-RING = 128
-"""Samples kept from before an event: baseline for the fit, and the picture's left margin."""
-COARSE = 8
-"""Samples in a point of the coarse ring, which reaches this many times further back: a load step on a sluggish
-loop is noticed long after it came."""
-SNAPSHOT = 64
-"""Samples between two looks at the noise. A load step is suspected against the noise of one to two looks ago, which
-a slow response has not yet widened."""
-LEAST_BEFORE = 8
-"""Samples of the window from before the onset, even where the loop was not at rest."""
-WINDOW = 1024
-"""Points of an event's window; when full, every second one is dropped."""
-MAX_GAP = 3.5
-"""Sample periods; above it nothing is integrated across (three periods and jitter)."""
-STEP_MOVES = 5
-"""A set point that moves at more samples than these is a ramp or a cascade's, not a step smeared by a historian or
-clicked together by an operator."""
-STEP_LASTS = 20
-"""Periods that such a step may take from its first move to its last."""
-STEP_REST = 7
-"""Periods for which a set point must rest before its move counts as finished: masters scan every 1 to 5 s."""
-RAMP_REST = 20
-"""Periods for which a moving set point must rest before the loop is looked at again."""
-RAMP_CALM = 200
-"""Samples without a break for which the error must be quiet after a ramp before a load step may be suspected: the
-ramp's end travels round the loop, too, and swings through zero."""
-RESTLESS = 100.0
-"""Periods between the moves of a set point, on average, below which a master moves it (those of model-predictive
-controllers run once a minute), and nobody's step."""
-PATIENCE = 5.0
-"""Of these averages a restless set point must rest before it counts as resting."""
-PACE = 300.0
-"""Periods that count for a longer rest in that average, so that an operator's step after a long ramp is one."""
-SAME_LEVEL = 0.5
-"""Standard deviations of the error within which a set point is still where it was: jitter of an analog signal."""
-ROUNDING = 2e-7
-"""A set point's relative change that is nothing but a float of 32 bits."""
-STEP_STANDS_OUT = 3.0
-"""Standard deviations of the error, and least changes of PV, that a set-point step must exceed."""
-TRIGGER = 5.0
-"""Standard deviations of the short average, when quiet, by which it must leave its mean to suspect a load step."""
-LOAD_STANDS_OUT = 8.0
-"""Standard deviations of the short average, when quiet, that a load step must reach to be handed out: a wandering
-load brings as much once in some loop-weeks."""
-LOAD_QUANTA = 2.5
-"""Least changes of PV that it must reach: a transmitter's last bit is no load."""
-CALM = 40
-"""Quiet samples since the last event that this takes otherwise."""
-KNOWN = 60
-"""Quiet samples before a load step may be suspected; with few, the band is wider (their spread is not well known)."""
-AWAY = 500
-"""Samples outside its band after which a loop's baseline begins anew."""
-UNREST = 0.5
-"""What a sample inside the band takes off the count of those outside: an oscillation that is outside for a third of
-the time becomes the new baseline."""
-TIMEOUT = 10_000
-"""Periods after which an event is given up."""
-HALF_WAVES = 40
-"""Half waves after which an oscillating event is given up: at a damping of 0.05 twenty waves leave 0.2 %."""
-STILLER = 1.5
-"""Standard deviations of the short average within which a loop comes to rest after an event that show it to be far
-quieter than was thought (the range over a minute is 4 to 5): what was known came from the transient before."""
-OUTLIER = 5.0
-"""Standard deviations by which one sample may pull the short average when quiet: a spike alone does not reach the
-trigger (0.2 x 5 sd of the error are 3 sd of its average)."""
-GLITCH = 10.0
-"""Mean sizes of the error by which one sample may count while a baseline is learnt."""
-NOISE_FREE = 1e6
-"""Standard deviations of the error from which a deviation is no outlier: the signal is simulated, without noise."""
-REBASE = 20
-"""Late samples, each soon after the last, after which the loop's clock was set back, and they are the truth."""
-REGAP = 8
-"""Gaps in a row after which they are the sample period."""
-BLIND = 3
-"""Samples without a set point after which a change of it came at an unknown time."""
-SHORT = 0.2
-"""Weight of the short average of the error, per period (about five samples)."""
-LONG = 0.002
-"""Weight of its long-run mean and variance (about 500 samples)."""
-BASE = 0.005
-"""Weight of the baseline's PV and OP (about 200 samples)."""
-TOO_LARGE = 1e30
-"""A magnitude that no plant has: a gateway's placeholder."""
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor.contract.samples import Array
+from monitor.health.observe import HEALTH
 
 WARMING, QUIET, CANDIDATE, EVENT, MOVING = range(5)
-DROP, CONFIRM, DONE, CUT, BEGIN, BEGIN_LOAD = 1, 2, 4, 8, 16, 32
-"""What to do with a loop's window: forget it, report it open, hand it out (with or without this sample), open one."""
+"""Phases: without a baseline; at rest; a set point has begun to move; an event is open; a set point goes on moving."""
 OPENED, CLOSED = 1, 2
-
+"""What is handed out."""
 COUNTS = ("ok", "uncertain", "bad_value", "bad_quality", "duplicate", "conflict", "late")
 """What became of a sample; `ok` includes `uncertain`, `duplicate` includes `conflict`."""
 
-_f, _i = np.float64, np.int64
-_INTEGRALS = [
-    (name, _f) for name in ("s1", "s2", "s3", "y1", "y2", "iae", "iae_noise", "good_time", "saturated_time")
-]
-_BASELINE = [(name, _f) for name in ("pv0", "op0", "error_sd", "noise")]
-
-PARAM = np.dtype([("period", _f), ("pv_min", _f), ("pv_max", _f), ("op_low", _f), ("op_high", _f)])
-
-_NOISE = ("mean_e", "var_e", "abs_e", "mean_s", "var_s")
-"""The error's mean, variance and mean size when quiet, and mean and variance of its short average [PV]."""
-_FACTS = "phase time seen warm based away ringed looks learn slot auto kind moved moves events".split()
-_TROUBLE = "lates late_at rebased gaps blind spoilt".split()
-"""Late samples in a row and the last one's time, how often the clock was set back, gaps in a row, samples in a row
-without a set point, and bad ones since the last good one."""
-_EVENT = "onset still end end_state end_cause points before stride skipped waves side".split()
-_SINCE = ["ok_before", "uncertain_before"]
-_SHAPE = "amplitude held low high sum_e sum_t quiet sp_from pace".split()
-_LAST = "sp pv op dpv period short mean_pv mean_op var_d quantum least_gap unrest".split()
-
-STATE = np.dtype(
+PARAM = np.dtype(
     [
-        *[(n, _i) for n in (*_FACTS, *_TROUBLE, *_EVENT, *_SINCE, *COUNTS)],
-        *[(n, _f) for n in (*_LAST, *_SHAPE, *_NOISE)],
-        # the noise at the last look, and at the one before
-        *[(f"{n}_{k}", _f) for k in (1, 2) for n in _NOISE],
-        *_INTEGRALS,
-        *_BASELINE,
+        ("period", "f8"),  # as the table gives it, 0 where it does not [s]
+        ("pv_min", "f8"),  # what PV and SP cannot fall below [PV]
+        ("pv_max", "f8"),  # or exceed [PV]
+        ("op_low", "f8"),  # OP's lower limit, -inf where there is none [OP]
+        ("op_high", "f8"),  # and its upper one, inf where there is none [OP]
     ]
 )
-
-EVENT_OUT = [
-    *[(n, _i) for n in "what row kind state cause slot points before onset end number".split()],
-    *[(n, _f) for n in "amplitude duration quiet offset period quantum uncertain_share short_sd".split()],
-    *_INTEGRALS,
-    *_BASELINE,
+LAST = np.dtype(
+    [
+        ("time", "i8"),  # of the last good sample [ns since 1970]
+        ("sp", "f8"),  # [PV]
+        ("pv", "f8"),  # [PV]
+        ("op", "f8"),  # held until the next sample [OP]
+        ("auto", "i8"),  # 1 in automatic, 0 in manual
+        ("pv_change", "f8"),  # from the sample before [PV]
+        ("short_e", "f8"),  # short average of the error [PV]
+    ]
+)
+CLOCK = np.dtype(
+    [
+        ("period", "f8"),  # of the samples, 0 while it is not known [s]
+        ("gap_run", "i8"),  # gaps in a row
+        ("least_gap", "f8"),  # the shortest of them [s]
+        ("late_run", "i8"),  # late samples in a row
+        ("late_at", "i8"),  # time of the last of them [ns since 1970]
+        ("set_back", "i8"),  # times that the source's clock was set back
+        ("bad_run", "i8"),  # bad samples since the last good one
+        ("sp_missing_run", "i8"),  # samples in a row without a set point
+    ]
+)
+ERROR = np.dtype(
+    [
+        ("mean_e", "f8"),  # mean of the error [PV]
+        ("var_e", "f8"),  # its variance [PV^2]
+        ("abs_e", "f8"),  # its mean size [PV]
+        ("mean_s", "f8"),  # mean of its short average [PV]
+        ("var_s", "f8"),  # and that one's variance [PV^2]
+    ]
+)
+"""The error of a quiet loop."""
+NOISE = np.dtype(
+    [
+        ("n", "i8"),  # quiet samples of which it is known
+        ("least_n", "i8"),  # samples that must be exceeded before it counts as known
+        ("snapshots", "i8"),  # how often it was kept
+        ("outside_run", "i8"),  # samples in a row outside of the band
+        ("unrest", "f8"),  # samples outside, less what those inside take off
+        ("var_d", "f8"),  # variance of PV's second differences, 6 sigma^2 for white noise [PV^2]
+        ("quantum", "f8"),  # least change of PV that was seen [PV]
+        ("now", ERROR),
+        ("older", ERROR),  # at the snapshot before the last
+        ("recent", ERROR),  # at the last snapshot
+    ]
+)
+BASELINE = np.dtype(
+    [
+        ("n", "i8"),  # quiet samples in it
+        ("pv", "f8"),  # mean of PV at rest [PV]
+        ("op", "f8"),  # mean of OP at rest [OP]
+    ]
+)
+SETPOINT = np.dtype(
+    [
+        ("level", "f8"),  # where it last rested or moved to [PV]
+        ("came_from", "f8"),  # where it rested before it moved [PV]
+        ("moved_at", "i8"),  # its last move [ns since 1970]
+        ("moves", "i8"),  # samples at which it moved since it left its rest; 0 after an event
+        ("pace", "f8"),  # mean time between its moves [periods]
+    ]
+)
+OPEN_EVENT = np.dtype(
+    [
+        ("kind", "i8"),  # `SETPOINT_STEP` or `LOAD_STEP`
+        ("number", "i8"),  # of the loop's events so far
+        ("onset", "i8"),  # [ns since 1970]
+        ("end", "i8"),  # [ns since 1970]
+        ("state", "i8"),  # how it ended, a place in `STATES`
+        ("cause", "i8"),  # what cut it short, a place in `CAUSES`
+        ("amplitude", "f8"),  # of the step, or the largest excursion of the error's short average [PV]
+        ("quiet", "f8"),  # 1 where the loop was at rest before the onset
+        ("pv0", "f8"),  # PV at rest before the onset [PV]
+        ("op0", "f8"),  # OP at rest before the onset [OP]
+        ("error_sd", "f8"),  # standard deviation of the error when quiet [PV]
+        ("noise", "f8"),  # standard deviation of PV's white noise [PV]
+        ("ok_before", "i8"),  # good samples before it
+        ("uncertain_before", "i8"),  # and those of uncertain quality
+    ]
+)
+SETTLING = np.dtype(
+    [
+        ("since", "i8"),  # since when the error's short average has lain still [ns since 1970]
+        ("low", "f8"),  # the lowest that it was since [PV]
+        ("high", "f8"),  # and the highest [PV]
+        ("sum_e", "f8"),  # integral of the error since [PV s]
+        ("sum_t", "f8"),  # and the time [s]
+        ("half_waves", "i8"),  # times that it left to the other side
+        ("side", "i8"),  # the side to which it left last: 1 upwards, -1 downwards
+    ]
+)
+_INTEGRALS = [
+    ("s1", "f8"),  # integral of OP from its rest [OP s]
+    ("s2", "f8"),  # integral of s1 [OP s^2]
+    ("y1", "f8"),  # integral of PV from its rest [PV s]
+    ("iae", "f8"),  # integrated absolute error [PV s]
+    ("iae_noise", "f8"),  # the noise's share of it [PV s]
+    ("good_time", "f8"),  # time that good samples cover [s]
+    ("saturated_time", "f8"),  # time that OP spent at a limit [s]
 ]
-"""Fields of an event handed out."""
+INTEGRALS = np.dtype(_INTEGRALS)
+"""Over the open event, from its onset."""
+POINTS = np.dtype(
+    [
+        ("slot", "i8"),  # of the slab that holds the open event's window, -1 without an event
+        ("n", "i8"),  # points in it
+        ("before", "i8"),  # of these, from before the onset
+        ("stride", "i8"),  # samples from one point to the next
+        ("skipped", "i8"),  # samples since the last point
+    ]
+)
+STATE = np.dtype(
+    [
+        ("phase", "i8"),  # `WARMING` ... `MOVING`
+        ("ring_n", "i8"),  # samples that went through the rings since the loop began anew
+        ("window", POINTS),
+        ("last", LAST),
+        ("clock", CLOCK),
+        ("noise", NOISE),
+        ("baseline", BASELINE),
+        ("setpoint", SETPOINT),
+        ("counts", [(name, "i8") for name in COUNTS]),  # samples, by what became of them
+        ("event", OPEN_EVENT),
+        ("settling", SETTLING),
+        ("integrals", INTEGRALS),
+    ]
+)
+"""A loop: its last sample, what is known of it when quiet, and its open event.
+
+What every sample of a quiet loop touches stands first, beside each other: with many loops it has to come from memory.
+"""
+
+OUT = np.dtype(
+    [
+        ("what", "i8"),  # `OPENED` or `CLOSED`
+        ("row", "i8"),  # of the loop
+        ("slot", "i8"),  # of its window
+        ("points", "i8"),  # of its window
+        ("before", "i8"),  # of these, from before the onset
+        *((name, "i8") for name in ("number", "kind", "state", "cause", "onset", "end")),
+        *((name, "f8") for name in ("amplitude", "duration", "offset", "quiet", "period", "uncertain_share")),
+        *((name, "f8") for name in ("error_sd", "short_sd", "noise", "quantum", "pv0", "op0")),
+        *_INTEGRALS,
+        ("health", HEALTH),  # of a closed event: the loop's at that moment
+    ]
+)
+"""What the kernel hands out, in the units of `event.ClosedEvent`; an opening fills in only what `Opened` says."""
+
+
+class Stores(NamedTuple):
+    """Detection's arrays: L loops, S windows of open events, M rows for what is handed out.
+
+    The rings' columns are SP, PV and OP, the windows' time from the onset [s], SP, PV and OP.
+    """
+
+    param: NDArray[Any]
+    """(L,) dtype `PARAM`."""
+    state: NDArray[Any]
+    """(L,) dtype `STATE`."""
+    health: NDArray[Any]
+    """(L,) dtype `HEALTH`."""
+    ring: Array
+    """(L, RING_SAMPLES, 3) the last samples [PV], [PV], [OP]."""
+    ring_time: NDArray[np.int64]
+    """(L, RING_SAMPLES) [ns since 1970]."""
+    coarse: Array
+    """(L, RING_SAMPLES, 3) every eighth sample, OP as the mean over all [PV], [PV], [OP]."""
+    coarse_time: NDArray[np.int64]
+    """(L, RING_SAMPLES) [ns since 1970]."""
+    slab: Array
+    """(S, WINDOW_POINTS, 4) windows of open events [s], [PV], [PV], [OP]."""
+    free: NDArray[np.int64]
+    """(S,) slots of the slab that are free: the first ``n_free[0]``."""
+    n_free: NDArray[np.int64]
+    """(1,)"""
+    out: NDArray[Any]
+    """(M,) dtype `OUT`: what opened and closed."""
+
+
+class Batch(NamedTuple):
+    """Columns of N samples, each loop's in the order of time; see `Samples`."""
+
+    loop: NDArray[np.int32]
+    """(N,) row of the loop."""
+    time: NDArray[np.int64]
+    """(N,) [ns since 1970]."""
+    sp: Array
+    """(N,) [PV]."""
+    pv: Array
+    """(N,) [PV]."""
+    op: Array
+    """(N,) [OP]."""
+    auto: NDArray[np.bool_]
+    """(N,)"""
+    quality: NDArray[np.uint8]
+    """(N,) OPC quality."""

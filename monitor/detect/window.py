@@ -1,6 +1,6 @@
 """The compiled life of an event's window: opened, its integrals carried, thinned when full, handed out.
 
-``s`` is one loop's state, ``slab`` holds the windows. Types are inferred by numba.
+``s`` is one loop's state. Types are inferred by numba.
 """
 
 from __future__ import annotations
@@ -9,107 +9,121 @@ import numpy as np
 
 from monitor.compiled import jit
 
+from .constants import COARSE_SAMPLES, LEAST_BEFORE_SAMPLES, RING_SAMPLES, WARM_UP_SAMPLES, WINDOW_POINTS
 from .event import LOAD_STEP, SETPOINT_STEP
-from .state import CANDIDATE, CLOSED, COARSE, EVENT, LEAST_BEFORE, OPENED, RING, WARM_UP, WINDOW
+from .state import CANDIDATE, CLOSED, EVENT, OPENED
 
 
 @jit
-def begin(s, ring, ring_time, slab, free, n_free, i, time):
+def begin(s, stores, i, time):
     """Open a window for a set point that has begun to move; the integrals start here."""
+    event, window, integrals, last = s.event, s.window, s.integrals, s.last
     s.phase = CANDIDATE
-    s.kind = SETPOINT_STEP
-    s.onset = time
-    s.ok_before, s.uncertain_before = s.ok, s.uncertain
-    n_free[0] -= 1
-    s.slot = free[n_free[0]]
-    s.s1 = s.s2 = s.s3 = s.y1 = s.y2 = s.iae = s.iae_noise = s.good_time = s.saturated_time = 0.0
-    based = s.based >= WARM_UP // 2
-    s.pv0 = s.mean_pv if based else s.pv
-    s.op0 = s.mean_op if based else s.op
-    s.error_sd, s.noise = np.sqrt(s.var_e), np.sqrt(s.var_d / 6.0)
-    s.quiet = 1.0 if s.based >= WARM_UP and s.away == 0 else 0.0
+    event.kind = SETPOINT_STEP
+    event.onset = time
+    event.ok_before, event.uncertain_before = s.counts.ok, s.counts.uncertain
+    stores.n_free[0] -= 1
+    window.slot = stores.free[stores.n_free[0]]
+    integrals.s1 = integrals.s2 = integrals.y1 = integrals.iae = integrals.iae_noise = 0.0
+    integrals.good_time = integrals.saturated_time = 0.0
+    based = s.baseline.n >= WARM_UP_SAMPLES // 2
+    event.pv0 = s.baseline.pv if based else last.pv
+    event.op0 = s.baseline.op if based else last.op
+    event.error_sd, event.noise = np.sqrt(s.noise.now.var_e), np.sqrt(s.noise.var_d / 6.0)
+    inside = s.noise.outside_run == 0
+    event.quiet = 1.0 if s.baseline.n >= WARM_UP_SAMPLES and inside else 0.0
     # what lies before the loop came to rest belongs to another event
-    m = min(s.ringed, RING, max(s.based if s.away == 0 else 0, LEAST_BEFORE))
-    w = slab[s.slot]
+    m = min(s.ring_n, RING_SAMPLES, max(s.baseline.n if inside else 0, LEAST_BEFORE_SAMPLES))
+    w, ring = stores.slab[window.slot], stores.ring
     for j in range(m):
-        k = (s.ringed - m + j) % RING
-        w[j, 0] = (ring_time[i, k] - time) * 1e-9
+        k = (s.ring_n - m + j) % RING_SAMPLES
+        w[j, 0] = (stores.ring_time[i, k] - time) * 1e-9
         w[j, 1], w[j, 2], w[j, 3] = ring[i, k, 0], ring[i, k, 1], ring[i, k, 2]
-    s.points = s.before = m
-    s.stride = 1
-    s.skipped = 0
+    window.n = window.before = m
+    window.stride = 1
+    window.skipped = 0
 
 
 @jit
-def begin_load(s, ring, ring_time, coarse, coarse_time, slab, i, time, pv):
+def begin_load(s, stores, i, time, pv):
     """Turn the window just opened into a suspected load step's; it and the integrals reach back to quiet times.
 
     The step came before it was noticed: the onset is found when the event is assessed. Nothing is reported
     until then.
     """
+    event, noise, last = s.event, s.noise, s.last
     s.phase = EVENT
-    s.kind = LOAD_STEP
-    s.events += 1
-    # the noise of before the response
-    s.mean_e, s.var_e, s.abs_e, s.mean_s, s.var_s = s.mean_e_2, s.var_e_2, s.abs_e_2, s.mean_s_2, s.var_s_2
-    s.error_sd = np.sqrt(s.var_e)
-    s.amplitude = abs(s.short - s.mean_s)
+    event.kind = LOAD_STEP
+    event.number += 1
+    noise.now = noise.older  # that of before the response
+    event.error_sd = np.sqrt(noise.now.var_e)
+    event.amplitude = abs(last.short_e - noise.now.mean_s)
     restart_settling(s, time)
-    s.waves = s.side = 0
-    w = slab[s.slot]
-    reach = s.based + s.away
-    first = ((s.ringed - min(s.ringed, RING, reach) + COARSE - 1) // COARSE) * COARSE  # of the fine points
-    n = 0
-    quiet = max((s.ringed - reach + COARSE - 1) // COARSE, s.ringed // COARSE - RING + 1, 0)
-    for k in range(quiet, first // COARSE):
-        j = k & (RING - 1)
-        w[n, 0] = (coarse_time[i, j] - time) * 1e-9
-        w[n, 1], w[n, 2], w[n, 3] = coarse[i, j, 0], coarse[i, j, 1], coarse[i, j, 2]
-        n += 1
-    for k in range(first, s.ringed):
-        j = k & (RING - 1)
-        w[n, 0] = (ring_time[i, j] - time) * 1e-9
-        w[n, 1], w[n, 2], w[n, 3] = ring[i, j, 0], ring[i, j, 1], ring[i, j, 2]
-        n += 1
-    s.points = s.before = n
-    s.pv0 = s.op0 = 0.0
+    s.settling.half_waves = s.settling.side = 0
+    w = stores.slab[s.window.slot]
+    n = _reach_back(s, stores, w, i, time)
+    s.window.n = s.window.before = n
+    event.pv0 = event.op0 = 0.0
     for k in range(n // 2):
-        s.pv0 += w[k, 2] / (n // 2)
-        s.op0 += w[k, 3] / (n // 2)
+        event.pv0 += w[k, 2] / (n // 2)
+        event.op0 += w[k, 3] / (n // 2)
     for k in range(n - 1):
         add(s, w[k, 1], w[k, 2], w[k + 1, 2], w[k, 3], w[k + 1, 0] - w[k, 0])
-    add(s, s.sp, s.pv, pv, s.op, (time - s.time) * 1e-9)
+    add(s, last.sp, last.pv, pv, last.op, (time - last.time) * 1e-9)
+
+
+@jit
+def _reach_back(s, stores, w, i, time):
+    """Fill the window with what is known of the loop since it came to rest, coarse and fine; return the points."""
+    ring, coarse = stores.ring, stores.coarse
+    reach = s.baseline.n + s.noise.outside_run
+    start = s.ring_n - min(s.ring_n, RING_SAMPLES, reach)
+    first = ((start + COARSE_SAMPLES - 1) // COARSE_SAMPLES) * COARSE_SAMPLES  # of the fine points
+    n = 0
+    quiet = (s.ring_n - reach + COARSE_SAMPLES - 1) // COARSE_SAMPLES
+    quiet = max(quiet, s.ring_n // COARSE_SAMPLES - RING_SAMPLES + 1, 0)
+    for k in range(quiet, first // COARSE_SAMPLES):
+        j = k & (RING_SAMPLES - 1)
+        w[n, 0] = (stores.coarse_time[i, j] - time) * 1e-9
+        w[n, 1], w[n, 2], w[n, 3] = coarse[i, j, 0], coarse[i, j, 1], coarse[i, j, 2]
+        n += 1
+    for k in range(first, s.ring_n):
+        j = k & (RING_SAMPLES - 1)
+        w[n, 0] = (stores.ring_time[i, j] - time) * 1e-9
+        w[n, 1], w[n, 2], w[n, 3] = ring[i, j, 0], ring[i, j, 1], ring[i, j, 2]
+        n += 1
+    return n
 
 
 @jit
 def restart_settling(s, time):
     """Begin anew to watch whether the error lies still."""
-    s.still = time
-    s.low = s.high = s.short
-    s.sum_e = s.sum_t = 0.0
+    settling = s.settling
+    settling.since = time
+    settling.low = settling.high = s.last.short_e
+    settling.sum_e = settling.sum_t = 0.0
 
 
 @jit
 def confirm(s, out, n, i, time, sp):
     """Report that an event has opened: the set point rests at a new level."""
     s.phase = EVENT
-    s.events += 1
-    s.held = sp
+    s.event.number += 1
+    s.setpoint.level = sp
     restart_settling(s, time)
-    s.waves = s.side = 0
+    s.settling.half_waves = s.settling.side = 0
     o = out[n]
-    o.kind = SETPOINT_STEP
     o.what, o.row, o.slot = OPENED, i, -1
-    o.onset, o.number, o.amplitude = s.onset, s.events, s.amplitude
+    o.onset, o.number, o.amplitude = s.event.onset, s.event.number, s.event.amplitude
     return n + 1
 
 
 @jit
-def drop(s, free, n_free):
+def drop(s, stores):
     """Forget a window: its slot is free again."""
-    free[n_free[0]] = s.slot
-    n_free[0] += 1
-    s.slot = -1
+    stores.free[stores.n_free[0]] = s.window.slot
+    stores.n_free[0] += 1
+    s.window.slot = -1
 
 
 @jit
@@ -119,72 +133,70 @@ def add(s, sp, pv_old, pv_new, op, dt):
     OP is held: left rectangles; PV and the integrals of integrals: trapezoids. SP is held as well, so the
     error's trapezoid ends with the old set point.
     """
-    u = op - s.op0
-    y_old, y_new = pv_old - s.pv0, pv_new - s.pv0
-    s1 = s.s1 + u * dt
-    s2 = s.s2 + 0.5 * (s.s1 + s1) * dt
-    s.s3 += 0.5 * (s.s2 + s2) * dt
-    s.s1, s.s2 = s1, s2
-    y1 = s.y1 + 0.5 * (y_old + y_new) * dt
-    s.y2 += 0.5 * (s.y1 + y1) * dt
-    s.y1 = y1
+    event, integrals, now = s.event, s.integrals, s.noise.now
+    s1 = integrals.s1 + (op - event.op0) * dt
+    integrals.s2 += 0.5 * (integrals.s1 + s1) * dt
+    integrals.s1 = s1
+    integrals.y1 += 0.5 * ((pv_old - event.pv0) + (pv_new - event.pv0)) * dt
     area = 0.5 * (abs(sp - pv_old) + abs(sp - pv_new)) * dt
-    s.iae += area
-    if abs(s.short - s.mean_e) < 2.0 * s.error_sd:
-        s.iae_noise += min(area, s.abs_e * dt)  # nothing but noise is left here
+    integrals.iae += area
+    if abs(s.last.short_e - now.mean_e) < 2.0 * event.error_sd:
+        integrals.iae_noise += min(area, now.abs_e * dt)  # nothing but noise is left here
 
 
 @jit
 def append(s, slab, time, sp, pv, op):
     """Put the sample into the window; OP of a skipped sample goes, by time, into the last point's mean."""
-    w = slab[s.slot]
-    t = (time - s.onset) * 1e-9
-    last = s.points - 1
-    if s.skipped > 0:
-        # w[last, 3] holds the mean OP from the last point to s.time; s.op was held since
-        before = (s.time - s.onset) * 1e-9 - w[last, 0]
+    window, onset = s.window, s.event.onset
+    w = slab[window.slot]
+    t = (time - onset) * 1e-9
+    last = window.n - 1
+    if window.skipped > 0:
+        # w[last, 3] holds the mean OP from the last point to the last sample, whose OP was held since
+        before = (s.last.time - onset) * 1e-9 - w[last, 0]
         whole = t - w[last, 0]
-        w[last, 3] = (w[last, 3] * before + s.op * (whole - before)) / whole
-    s.skipped += 1
-    if s.skipped < s.stride:
+        w[last, 3] = (w[last, 3] * before + s.last.op * (whole - before)) / whole
+    window.skipped += 1
+    if window.skipped < window.stride:
         return
-    s.skipped = 0
-    if s.points == WINDOW:
-        halve(s, w, t)
-    k = s.points
+    window.skipped = 0
+    if window.n == WINDOW_POINTS:
+        halve(window, w, t)
+    k = window.n
     w[k, 0], w[k, 1], w[k, 2], w[k, 3] = t, sp, pv, op
-    s.points += 1
+    window.n += 1
 
 
 @jit
-def halve(s, w, t_next):
+def halve(window, w, t_next):
     """Drop every second point; OP becomes the mean over both, so that its integral stays exact."""
-    for k in range(WINDOW // 2):
+    for k in range(WINDOW_POINTS // 2):
         a, b = 2 * k, 2 * k + 1
-        end = w[b + 1, 0] if b + 1 < WINDOW else t_next
+        end = w[b + 1, 0] if b + 1 < WINDOW_POINTS else t_next
         first, second = w[b, 0] - w[a, 0], end - w[b, 0]
         mean = (w[a, 3] * first + w[b, 3] * second) / (first + second)
         w[k, 0], w[k, 1], w[k, 2], w[k, 3] = w[a, 0], w[a, 1], w[a, 2], mean
-    s.points = WINDOW // 2
-    s.before = (s.before + 1) // 2
-    s.stride *= 2
+    window.n = WINDOW_POINTS // 2
+    window.before = (window.before + 1) // 2
+    window.stride *= 2
 
 
 @jit
 def close(s, h, out, n, i):
     """Hand the event out with the loop's health of this moment; its slot is freed by whoever copies the window."""
+    event, window, settling, integrals = s.event, s.window, s.settling, s.integrals
     o = out[n]
-    o.kind = s.kind
-    o.what, o.row, o.state, o.cause, o.slot = CLOSED, i, s.end_state, s.end_cause, s.slot
-    o.points, o.before, o.onset, o.end, o.number = s.points, s.before, s.onset, s.end, s.events
-    o.amplitude, o.quiet, o.period = s.amplitude, s.quiet, s.period
-    o.duration = (s.end - s.onset) * 1e-9
-    o.uncertain_share = (s.uncertain - s.uncertain_before) / max(s.ok - s.ok_before, 1)
-    o.offset = s.sum_e / s.sum_t if s.sum_t > 0 else s.short
-    o.s1, o.s2, o.s3, o.y1, o.y2 = s.s1, s.s2, s.s3, s.y1, s.y2
-    o.iae, o.iae_noise, o.good_time, o.saturated_time = s.iae, s.iae_noise, s.good_time, s.saturated_time
-    o.pv0, o.op0, o.error_sd, o.noise, o.quantum = s.pv0, s.op0, s.error_sd, s.noise, s.quantum
-    o.short_sd = np.sqrt(s.var_s)
+    o.what, o.row, o.slot, o.points, o.before = CLOSED, i, window.slot, window.n, window.before
+    o.kind, o.state, o.cause, o.number = event.kind, event.state, event.cause, event.number
+    o.onset, o.end, o.duration = event.onset, event.end, (event.end - event.onset) * 1e-9
+    o.amplitude, o.quiet, o.period = event.amplitude, event.quiet, s.clock.period
+    o.uncertain_share = (s.counts.uncertain - event.uncertain_before) / max(s.counts.ok - event.ok_before, 1)
+    o.offset = settling.sum_e / settling.sum_t if settling.sum_t > 0 else s.last.short_e
+    o.s1, o.s2, o.y1 = integrals.s1, integrals.s2, integrals.y1
+    o.iae, o.iae_noise = integrals.iae, integrals.iae_noise
+    o.good_time, o.saturated_time = integrals.good_time, integrals.saturated_time
+    o.pv0, o.op0, o.error_sd, o.noise = event.pv0, event.op0, event.error_sd, event.noise
+    o.short_sd, o.quantum = np.sqrt(s.noise.now.var_s), s.noise.quantum
     o.health = h
-    s.slot = -1
+    window.slot = -1
     return n + 1

@@ -53,7 +53,7 @@ def health_of(block: Block, spec: LoopSpec | None = None, every: int = 1) -> Hea
     detector = Detector([loop])
     part = block.rows(slice(None, None, every))
     detector.run(Samples.of(0, part.time_ns, part.sp, part.pv, part.op, part.auto))
-    return figures(detector.health[0], float(detector.state["period"][0]))
+    return figures(detector.health[0], float(detector.state["clock"]["period"][0]))
 
 
 def kind_of(health: Health) -> str:
@@ -168,7 +168,7 @@ def _compression(pv: np.ndarray, shown: np.ndarray, kept: np.ndarray) -> tuple[f
     def of(values: np.ndarray, at: np.ndarray) -> float | None:
         detector = Detector([Loop(name="x")])
         detector.run(Samples.of(0, at.astype(np.int64) * 1_000_000_000, 50.0, values, values))
-        return figures(detector.health[0], float(detector.state["period"][0])).compression
+        return figures(detector.health[0], float(detector.state["clock"]["period"][0])).compression
 
     return of(shown, np.arange(len(pv))), of(pv[kept], kept)
 

@@ -169,7 +169,7 @@ def _binding(engine: Engine, loop: Any, row: LoopRow, structure: str) -> tuple[f
     dead_time = row.dead_time or 0.0
     if structure == "pi" and row.process == "integrating":
         dead_time += (row.lag or 0.0) / 2
-    wanted = max(dead_time, 3 * (engine.detector.state[0]["period"] or 0.0))
+    wanted = max(dead_time, 3 * (engine.detector.state[0]["clock"]["period"] or 0.0))
     if advice.closed_loop_time < 1.05 * wanted:
         return advice.closed_loop_time, "none"
     ratio = abs(row.new_kp / loop.kp) if loop.kp else 1.0

@@ -66,7 +66,7 @@ def closed_event() -> ClosedEvent:
 
 def slots_are_whole(detector: Detector) -> None:
     """Each slot of the slab is either free, once, or held by one loop."""
-    free = detector.free[: detector.n_free[0]]
-    held = detector.state["slot"][detector.state["slot"] >= 0]
+    stores, slots = detector.stores, detector.state["window"]["slot"]
+    free, held = stores.free[: stores.n_free[0]], slots[slots >= 0]
     together = np.sort(np.concatenate([free, held]))
-    np.testing.assert_array_equal(together, np.arange(len(detector.slab)))
+    np.testing.assert_array_equal(together, np.arange(len(stores.slab)))

@@ -9,9 +9,9 @@ import pytest
 
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
+from monitor.detect.constants import SET_BACK_SAMPLES
 from monitor.detect.detector import Detector
 from monitor.detect.event import BY_GAP, CAUSES, ClosedEvent
-from monitor.detect.state import COUNTS, REBASE
 from monitor.identify.integrals import setpoint_integrals
 from sim_plants.loops import Simulation
 from sim_plants.scenarios import reference_loops
@@ -23,8 +23,9 @@ from tests.support.samples import join
 
 def state_without_counts(detector: Detector) -> bytes:
     state = detector.state.copy()
-    for name in (*COUNTS, "lates", "late_at", "spoilt"):
-        state[name] = 0
+    state["counts"] = np.zeros((), state["counts"].dtype)
+    for name in ("late_run", "late_at", "bad_run"):
+        state["clock"][name] = 0
     return state.tobytes()
 
 
@@ -66,9 +67,12 @@ def test_a_bad_sample_is_counted_and_changes_nothing(case, at):
     found = with_it.run(join([head, bad]))
     expected = without.run(head)
     assert state_without_counts(with_it) == state_without_counts(without)
-    assert with_it.state[0][cause] == 1
+    assert with_it.state[0]["counts"][cause] == 1
     assert (
-        sum(int(with_it.state[0][n]) for n in ("ok", "bad_value", "bad_quality", "duplicate", "late"))
+        sum(
+            int(with_it.state[0]["counts"][n])
+            for n in ("ok", "bad_value", "bad_quality", "duplicate", "late")
+        )
         == at + 1
     )
     assert as_bytes(found + with_it.run(tail)) == as_bytes(expected + without.run(tail))
@@ -81,7 +85,7 @@ def test_an_uncertain_sample_is_used_and_counted():
     assert [e.uncertain_share for e in events_of(found)] == [1.0]
     found = [replace(e, uncertain_share=0.0) if isinstance(e, ClosedEvent) else e for e in found]
     assert as_bytes(found) == as_bytes(detected(samples)[1])
-    assert detector.state[0]["uncertain"] == detector.state[0]["ok"] == 700
+    assert detector.state[0]["counts"]["uncertain"] == detector.state[0]["counts"]["ok"] == 700
 
 
 def test_nothing_but_bad_samples_is_no_event():
@@ -89,8 +93,8 @@ def test_nothing_but_bad_samples_is_no_event():
     n = 500
     detector, found = detected(Samples.of(0, times(n), 50.0, np.nan, 20.0))
     assert steps_of(found) == []
-    assert detector.state[0]["seen"] == 0
-    assert detector.state[0]["bad_value"] == n
+    assert detector.state[0]["counts"]["ok"] == 0
+    assert detector.state[0]["counts"]["bad_value"] == n
 
 
 def test_subnormal_and_negative_zero_are_values():
@@ -99,8 +103,8 @@ def test_subnormal_and_negative_zero_are_values():
     pv = np.where(np.arange(n) % 2, -0.0, 5e-324)
     detector, found = detected(Samples.of(0, times(n), 0.0, pv, 0.0))
     assert steps_of(found) == []
-    assert detector.state[0]["ok"] == n
-    assert np.isfinite(detector.state[0]["var_e"])
+    assert detector.state[0]["counts"]["ok"] == n
+    assert np.isfinite(detector.state[0]["noise"]["now"]["var_e"])
 
 
 @pytest.mark.parametrize("size", [20.0, -20.0, 1000.0])
@@ -113,9 +117,11 @@ def test_a_spike_is_nothing_and_does_not_inflate_the_noise(size):
     clean, _ = detected(Samples.of(0, times(2000), 50.0, pv, 20.0))
     detector, found = detected(Samples.of(0, times(2000), 50.0, spiked, 20.0))
     assert found == []
-    assert detector.state[0]["kind"] == 0
-    for name in ("var_e", "var_s", "var_d"):
-        assert detector.state[0][name] == pytest.approx(clean.state[0][name], rel=0.1)
+    assert detector.state[0]["event"]["number"] == 0
+    noise, expected = detector.state[0]["noise"], clean.state[0]["noise"]
+    assert noise["var_d"] == pytest.approx(expected["var_d"], rel=0.1)
+    for name in ("var_e", "var_s"):
+        assert noise["now"][name] == pytest.approx(expected["now"][name], rel=0.1)
 
 
 def test_a_set_point_that_is_missing_holds():
@@ -128,7 +134,7 @@ def test_a_set_point_that_is_missing_holds():
     (event,), (whole,) = events_of(found), events_of(expected)
     np.testing.assert_array_equal(columns_of(event.window), columns_of(whole.window))
     assert event.iae == whole.iae
-    assert detector.state[0]["ok"] == 700
+    assert detector.state[0]["counts"]["ok"] == 700
 
 
 def test_a_set_point_that_changes_unseen_is_no_step():
@@ -147,9 +153,10 @@ def test_a_clock_that_is_set_back_costs_some_samples_not_an_hour():
     shifted[300:] -= 3600 * SECOND
     detector, found = detected(replace(samples, time=shifted), period=1.0)
     state = detector.state[0]
-    assert (state["late"], state["rebased"], state["ok"]) == (REBASE, 1, 1200 - REBASE)
+    counts = (state["counts"]["late"], state["clock"]["set_back"], state["counts"]["ok"])
+    assert counts == (SET_BACK_SAMPLES, 1, 1200 - SET_BACK_SAMPLES)
     assert [e.onset for e in events_of(found)] == [shifted[600]]
-    assert detector.health[0]["coverage"]["wall_time"] == pytest.approx(1200, abs=REBASE + 2)
+    assert detector.health[0]["coverage"]["wall_time"] == pytest.approx(1200, abs=SET_BACK_SAMPLES + 2)
 
 
 def test_a_clock_that_is_set_back_interrupts_an_event():
@@ -166,7 +173,7 @@ def test_a_clock_that_is_set_back_interrupts_an_event():
 def test_a_batch_of_old_samples_is_dropped():
     """Twenty replayed samples among the live ones never take the loop back."""
     samples = stepped(700, 200, noise=0.01)
-    old = samples.take(slice(100, 100 + REBASE))
+    old = samples.take(slice(100, 100 + SET_BACK_SAMPLES))
     parts = [
         samples.take(slice(0, 230)),
         old,
@@ -176,8 +183,8 @@ def test_a_batch_of_old_samples_is_dropped():
     ]
     detector, found = detected(join(parts), period=1.0)
     assert as_bytes(found) == as_bytes(detected(samples, period=1.0)[1])
-    assert detector.state[0]["late"] == 2 * REBASE
-    assert detector.state[0]["rebased"] == 0
+    assert detector.state[0]["counts"]["late"] == 2 * SET_BACK_SAMPLES
+    assert detector.state[0]["clock"]["set_back"] == 0
 
 
 @pytest.mark.parametrize("facts", [{}, {"period": 1.0}], ids=["period measured", "period given"])
@@ -191,9 +198,9 @@ def test_a_sample_rate_that_changes_is_followed(facts):
     samples = Samples.of(0, START + np.cumsum(dt) * SECOND, sp, pv, op)
     detector = Detector([Loop(name="L", **facts)])
     found = detector.run(samples.take(slice(0, 850)))
-    assert detector.state[0]["period"] == pytest.approx(10.0)
+    assert detector.state[0]["clock"]["period"] == pytest.approx(10.0)
     found += detector.run(samples.take(slice(850, None)))
-    assert detector.state[0]["period"] == pytest.approx(1.0)
+    assert detector.state[0]["clock"]["period"] == pytest.approx(1.0)
     assert [e.onset for e in openings_of(found)] == [samples.time[300], samples.time[1200]]
 
 

@@ -32,7 +32,7 @@ def test_noise_alone_opens_nothing(colour):
     found = detector.run(Samples.of(loop, time, 50.0, 50.0 + e.ravel(), 30.0 - e.ravel()))
     assert steps_of(found) == []
     if colour == 0.0:
-        assert np.sqrt(detector.state["var_d"] / 6) == pytest.approx(np.ones(loops), rel=0.2)
+        assert np.sqrt(detector.state["noise"]["var_d"] / 6) == pytest.approx(np.ones(loops), rel=0.2)
 
 
 @pytest.mark.parametrize("before", [90, 300, 1100, 1500, 4000, 4003])
@@ -72,7 +72,7 @@ def test_an_oscillation_that_begins_soon_belongs_to_the_loop(period):
     assert all(e.state == "timeout" for e in loads_of(found))
     assert len(loads_of(found)) <= 2
     assert all(e.end < START + 20_000 * SECOND for e in loads_of(found))
-    assert detector.state[0]["slot"] == -1
+    assert detector.state[0]["window"]["slot"] == -1
 
 
 @pytest.mark.parametrize("bits", [8, 10, 12])

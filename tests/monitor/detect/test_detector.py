@@ -66,6 +66,6 @@ def test_the_period_is_measured_and_followed():
     """Without a nominal period it is the median step; a gateway that changes its rate is followed."""
     detector = Detector([Loop(name="L")])
     detector.run(Samples.of(0, times(200, 2.0), 50.0, 50.0, 20.0))
-    assert detector.state[0]["period"] == 2.0
+    assert detector.state[0]["clock"]["period"] == 2.0
     detector.run(Samples.of(0, times(300, 5.0, START + 1000 * SECOND), 50.0, 50.0, 20.0))
-    assert detector.state[0]["period"] == 5.0
+    assert detector.state[0]["clock"]["period"] == 5.0

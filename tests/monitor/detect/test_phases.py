@@ -9,9 +9,9 @@ import pytest
 
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
+from monitor.detect.constants import RING_SAMPLES
 from monitor.detect.detector import Detector
 from monitor.detect.event import BY_END, BY_GAP, BY_MODE, BY_STEP, CAUSES
-from monitor.detect.state import RING
 from sim_plants.specs import Steps
 from tests.monitor.detect.tools import TUNED, simulated
 from tests.support.detection import detected, events_of, loads_of, openings_of, slots_are_whole, steps_of
@@ -28,8 +28,8 @@ def test_a_step_opens_and_closes_one_event():
         assert event.number == 1
     assert closed.state == "settled"
     assert closed.quiet
-    assert closed.window.time[RING] == 0.0
-    assert closed.window.before == RING
+    assert closed.window.time[RING_SAMPLES] == 0.0
+    assert closed.window.before == RING_SAMPLES
 
 
 def test_a_slow_process_is_waited_for():

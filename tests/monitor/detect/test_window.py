@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
+from monitor.detect.constants import RING_SAMPLES, WINDOW_POINTS
 from monitor.detect.detector import Detector, Found
 from monitor.detect.event import SETPOINT_STEP, Opened
-from monitor.detect.state import RING, WINDOW
 from tests.support.detection import columns_of, detected, events_of, openings_of, slots_are_whole
 from tests.support.plants import SECOND, START, pi_loop, stepped, times
 
 
 @settings(max_examples=20)
-@given(n=st.integers(WINDOW + 200, 9000), seed=st.integers(0, 1000))
+@given(n=st.integers(WINDOW_POINTS + 200, 9000), seed=st.integers(0, 1000))
 def test_thinning_keeps_the_integral_of_op(n, seed):
     """However often the window is halved, OP's integral over it is that of the samples, on uneven times."""
     rng = np.random.default_rng(seed)
@@ -36,7 +36,7 @@ def test_thinning_keeps_the_integral_of_op(n, seed):
     first, last = np.searchsorted(t, window.time[[0, -1]] - 1e-6)
     exact = float(np.sum(op[first:last] * np.diff(t)[first:last]))
     assert float(np.sum(window.op[:-1] * np.diff(window.time))) == pytest.approx(exact, rel=1e-9)
-    assert len(window) <= WINDOW
+    assert len(window) <= WINDOW_POINTS
     assert np.median(np.diff(window.time)) > 1.5  # halved at least once
     assert np.all(np.diff(window.time) > 0)
     assert window.time[window.before] >= 0 > window.time[window.before - 2]
@@ -52,7 +52,7 @@ def test_a_short_window_holds_every_sample():
     _, found = detected(samples)
     (event,) = events_of(found)
     window = event.window
-    rows = slice(200 - RING, 200 - RING + len(window))
+    rows = slice(200 - RING_SAMPLES, 200 - RING_SAMPLES + len(window))
     for name in ("sp", "pv", "op"):
         np.testing.assert_array_equal(getattr(window, name), getattr(samples, name)[rows])
     assert window.time[-1] == pytest.approx((event.end - event.onset) / SECOND)
@@ -83,8 +83,8 @@ def test_an_upset_of_the_whole_plant():
         closed = events_of(detector.flush())
         assert len(closed) == loops
         assert len({columns_of(event.window).tobytes() for event in closed}) == 1
-        assert detector.state["events"].tolist() == [turn + 1] * loops
-        sizes.append(len(detector.slab))
+        assert detector.state["event"]["number"].tolist() == [turn + 1] * loops
+        sizes.append(len(detector.stores.slab))
     assert sizes == [sizes[0]] * rounds
     assert sizes[0] <= 2 * loops
     slots_are_whole(detector)
@@ -108,7 +108,7 @@ def test_no_slot_is_lost_or_shared_whatever_happens(plan, seed):
         slots_are_whole(detector)
     take_note(detector.flush(), reported)
     assert reported == {}
-    assert np.all(detector.state["slot"] == -1)
+    assert np.all(detector.state["window"]["slot"] == -1)
     slots_are_whole(detector)
 
 

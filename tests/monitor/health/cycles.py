@@ -30,7 +30,7 @@ def health(sp: object, pv: object, op: object, period: float = 1.0) -> Health:
     time = START + np.round(np.arange(n) * period * SECOND).astype(np.int64)
     detector = Detector([Loop(name="L")])
     detector.run(Samples.of(0, time, *(np.broadcast_to(v, (n,)) for v in (sp, pv, op))))
-    return figures(detector.health[0], float(detector.state["period"][0]))
+    return figures(detector.health[0], float(detector.state["clock"]["period"][0]))
 
 
 def of_error(e: Array, period: float = 1.0) -> Health:

@@ -61,5 +61,5 @@ def test_a_new_sample_period_begins_anew():
     time = START + np.concatenate([np.arange(30_000), 30_000 + 5 * np.arange(6000)]) * SECOND
     detector = Detector([Loop(name="L")])
     detector.run(Samples.of(0, time, np.full(len(e), 50.0), 50.0 - e, 30.0 + e))
-    found = figures(detector.health[0], float(detector.state["period"][0]))
+    found = figures(detector.health[0], float(detector.state["clock"]["period"][0]))
     assert found.oscillation_period == pytest.approx(200, rel=0.03)

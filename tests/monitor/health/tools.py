@@ -38,7 +38,7 @@ def run(samples: Samples, chunk: int | None = None, **facts: Any) -> Detector:
 
 
 def look(detector: Detector, dead_time: float | None = None) -> Health:
-    return figures(detector.health[0], float(detector.state["period"][0]), dead_time)
+    return figures(detector.health[0], float(detector.state["clock"]["period"][0]), dead_time)
 
 
 def health(

@@ -30,7 +30,7 @@ KNOWN = {
 def run(name: str, *arguments: object, cwd: Path) -> str:
     """Run an example as a user does, from another folder; return what it prints."""
     command = [sys.executable, str(EXAMPLES / name), *map(str, arguments)]
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=600, check=False)
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=1800, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

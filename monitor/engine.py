@@ -177,7 +177,7 @@ class Engine:
 
     def row(self, row: int) -> LoopRow:
         """Return a loop's current row: its verdict, and its health so far."""
-        return self._row(row, self.detector.health[row], self.last_sample(row).period)
+        return self._row(row, self.detector.health[row], float(self.detector.state["clock"]["period"][row]))
 
     def _row(self, row: int, health: np.void, period: float) -> LoopRow:
         """Return a loop's row with its health and sample period [s] of some moment."""

@@ -9,7 +9,7 @@ DROP = 1
 """Forget it."""
 CONFIRM = 2
 """Report that a set-point step has opened an event."""
-DONE = 4
+COMPLETE = 4
 """Hand the event out, this sample included."""
 CUT = 8
 """Hand the event out as it was before this sample."""

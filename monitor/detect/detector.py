@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import fields
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from .constants import RING_SAMPLES, TOO_LARGE, WINDOW_POINTS
 from .event import BY_END, CAUSES, STATES, ClosedEvent, EventWindow, Opened
 from .state import OPENED, OUT, PARAM, STATE, Batch, Stores
 
+_T = TypeVar("_T", bound=np.generic)
 MOST_OUT = 256
 """Rows for what a call of the kernel hands out; with more it is called again."""
 Found = list[Opened | ClosedEvent]
@@ -63,17 +64,17 @@ class Detector:
         self.add(loops)
 
     @property
-    def state(self) -> NDArray[Any]:
+    def state(self) -> NDArray[np.void]:
         """(L,) the loops' states, of dtype `STATE`."""
         return self.stores.state
 
     @property
-    def health(self) -> NDArray[Any]:
+    def health(self) -> NDArray[np.void]:
         """(L,) the loops' health records, of dtype `HEALTH`."""
         return self.stores.health
 
     @property
-    def param(self) -> NDArray[Any]:
+    def param(self) -> NDArray[np.void]:
         """(L,) what the table says of the loops, of dtype `PARAM`."""
         return self.stores.param
 
@@ -189,7 +190,7 @@ class Detector:
         return found
 
 
-def _fill(row: Any, loop: Loop) -> None:
+def _fill(row: np.void, loop: Loop) -> None:
     """Write a loop's facts to its row of parameters; PV counts as real within ten spans around its range."""
     row["period"] = 0.0 if loop.period is None else loop.period
     row["pv_min"], row["pv_max"] = -TOO_LARGE, TOO_LARGE
@@ -200,7 +201,7 @@ def _fill(row: Any, loop: Loop) -> None:
     row["op_high"] = np.inf if loop.op_high is None else loop.op_high
 
 
-def _grown(array: NDArray[Any], n: int) -> NDArray[Any]:
+def _grown(array: NDArray[_T], n: int) -> NDArray[_T]:
     out = np.zeros((n, *array.shape[1:]), array.dtype)
     out[: len(array)] = array
     return out

@@ -61,7 +61,7 @@ def apply_actions(todo, s, stores, n, i, time, sp, pv, op):
         drop(s, stores)
     if todo & act.CONFIRM:
         n = confirm(s, stores.out, n, i, time, sp)
-    if todo & (act.CUT | act.DONE):
+    if todo & (act.CUT | act.COMPLETE):
         await_baseline(s)
         n = close(s, stores.health[i], stores.out, n, i)
     if todo & (act.BEGIN | act.BEGIN_LOAD):

@@ -119,7 +119,7 @@ def _follow(s, time, dt, sp, pv):
             return 0
         s.setpoint.moves = 0
         if cut_or_drop(s) == act.CUT:
-            return act.DONE
+            return act.COMPLETE
         await_baseline(s)
         return act.DROP
     return come_to_rest(s, time, sp)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +80,7 @@ BASELINE = np.dtype(
         ("op", "f8"),  # mean of OP at rest [OP]
     ]
 )
-SETPOINT = np.dtype(
+SETPOINT_MOVES = np.dtype(
     [
         ("level", "f8"),  # where it last rested or moved to [PV]
         ("came_from", "f8"),  # where it rested before it moved [PV]
@@ -147,7 +147,7 @@ STATE = np.dtype(
         ("clock", CLOCK),
         ("noise", NOISE),
         ("baseline", BASELINE),
-        ("setpoint", SETPOINT),
+        ("setpoint", SETPOINT_MOVES),
         ("counts", [(name, "i8") for name in COUNTS]),  # samples, by what became of them
         ("event", OPEN_EVENT),
         ("settling", SETTLING),
@@ -182,11 +182,11 @@ class Stores(NamedTuple):
     The rings' columns are SP, PV and OP, the windows' time from the onset [s], SP, PV and OP.
     """
 
-    param: NDArray[Any]
+    param: NDArray[np.void]
     """(L,) dtype `PARAM`."""
-    state: NDArray[Any]
+    state: NDArray[np.void]
     """(L,) dtype `STATE`."""
-    health: NDArray[Any]
+    health: NDArray[np.void]
     """(L,) dtype `HEALTH`."""
     ring: Array
     """(L, RING_SAMPLES, 3) the last samples [PV], [PV], [OP]."""
@@ -202,7 +202,7 @@ class Stores(NamedTuple):
     """(S,) slots of the slab that are free: the first ``n_free[0]``."""
     n_free: NDArray[np.int64]
     """(1,)"""
-    out: NDArray[Any]
+    out: NDArray[np.void]
     """(M,) dtype `OUT`: what opened and closed."""
 
 

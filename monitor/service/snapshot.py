@@ -25,7 +25,7 @@ from .reorder import HELD_ENTRIES, Reorder
 
 log = logging.getLogger("loopsight")
 
-VERSION = 2
+FILE_VERSION = 2
 """Of the file: goes up where the numbers mean something else than before."""
 KEPT_LOOPS = 500
 """About 50 kB each: in an upset of the whole plant the first ones."""
@@ -109,7 +109,7 @@ class Snapshot:
     time: int
     """When it was written [ns since 1970]."""
     arrays: dict[str, NDArray[Any]]
-    version: int = VERSION
+    version: int = FILE_VERSION
 
 
 def take(engine: Engine, reorder: Reorder, now: int) -> Snapshot:
@@ -153,7 +153,7 @@ def fits(snapshot: Snapshot, engine: Engine, reorder: Reorder) -> bool:
     """Whether a snapshot's layout is that of this version."""
     arrays, n = snapshot.arrays, len(snapshot.names)
     expected = {**engine.known(np.zeros(0, np.intp)), "order": reorder.state, "held": reorder.held}
-    return snapshot.version == VERSION and all(
+    return snapshot.version == FILE_VERSION and all(
         name in arrays and arrays[name].dtype == array.dtype and arrays[name].shape == (n, *array.shape[1:])
         for name, array in expected.items()
     )
@@ -178,7 +178,7 @@ def put_back(
         _order_back(reorder, row, arrays["order"][k], arrays["held"][k], arrival)
 
 
-def _order_back(reorder: Reorder, row: int, state: Any, held: NDArray[Any], arrival: float) -> None:
+def _order_back(reorder: Reorder, row: int, state: np.void, held: NDArray[Any], arrival: float) -> None:
     """Put one loop's order back; clocks of this process count from another start."""
     if (
         state["wide"] >= 0 or not 0 <= state["count"] <= HELD_ENTRIES

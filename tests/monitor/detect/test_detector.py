@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import get_type_hints
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from sim_plants.loops import Simulation
 from sim_plants.scenarios import reference_loops
 from sim_plants.specs import NEVER, Steps
 from tests.monitor.detect.tools import REFERENCE
-from tests.support.detection import as_bytes, detected, events_of
+from tests.support.detection import as_bytes, detected, events_of, openings_of
 from tests.support.plants import SECOND, START, samples_of, stepped, times
 
 
@@ -69,3 +70,15 @@ def test_the_period_is_measured_and_followed():
     assert detector.state[0]["clock"]["period"] == 2.0
     detector.run(Samples.of(0, times(300, 5.0, START + 1000 * SECOND), 50.0, 50.0, 20.0))
     assert detector.state[0]["clock"]["period"] == 5.0
+
+
+def test_a_closed_event_is_of_plain_numbers_and_words():
+    """What the kernel hands out has the types that its records promise, and columns of one length."""
+    (opened,), (closed,) = openings_of(found := detected(stepped(700))[1]), events_of(found)
+    for event in (opened, closed):
+        for name, kind in get_type_hints(type(event)).items():
+            assert type(getattr(event, name)) is kind, name
+    window = closed.window
+    for column in (window.time, window.sp, window.pv, window.op):
+        assert (column.shape, column.dtype) == ((len(window),), np.float64)
+        assert column.flags.c_contiguous

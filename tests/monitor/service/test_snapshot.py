@@ -15,7 +15,7 @@ from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment
 from monitor.service.config import Config
 from monitor.service.service import Service
-from monitor.service.snapshot import KEPT_LOOPS, VERSION, read, take, write
+from monitor.service.snapshot import FILE_VERSION, KEPT_LOOPS, read, take, write
 from tests.support.bus import FakeBus
 from tests.support.stores import quick
 
@@ -167,7 +167,7 @@ def test_a_damaged_file_is_left_alone(tmp_path, damage, caplog):
     elif damage == "older version":
         kept = read(path)
         assert kept is not None
-        write(path, replace(kept, version=VERSION - 1))
+        write(path, replace(kept, version=FILE_VERSION - 1))
     else:
         middle = len(whole) // 2
         flipped = whole[:middle] + bytes(b ^ 255 for b in whole[middle : middle + 50]) + whole[middle + 50 :]

@@ -186,6 +186,7 @@ def test_however_it_ends_the_plant_ends_too(number):
     started.stdout.close()
 
 
+@pytest.mark.slow
 def test_status_beside_a_running_demo():
     """`loopsight status` shows the demo and its loops, wherever it listens."""
     started = subprocess.Popen(

@@ -292,6 +292,7 @@ def test_bad_input_is_counted_and_nothing_stops(plant, start, client):
     assert monitor.said().count("WARNING malformed:") == 3  # once for each key
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kills", [3, 20])
 def test_killed_under_load_loses_nothing_that_was_said(plant, endpoint, tmp_path, kills):
     """SIGKILL at any instant: each assessment that a subscriber received is whole in the monitor's file."""

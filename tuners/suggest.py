@@ -80,14 +80,7 @@ def suggest(
     >>> found.rows[0]["kp"], found.rows[0]["ti"], round(found.rows[0]["ms"], 2)
     (2.5, 32.0, 1.7)
     """
-    if rule != "all" and rule not in RULES:
-        raise ValueError(f"rule = {rule!r}: must be all or one of {', '.join(RULES)}")
-    if sort not in SORTABLE:
-        raise ValueError(f"sort = {sort!r}: must be one of {', '.join(SORTABLE)}")
-    if form is not None and form not in FORMS:
-        raise ValueError(f"form = {form!r}: must be one of {', '.join(FORMS)}")
-    if form is not None and block is not None:
-        raise ValueError("form, block: give one of them, a block has its own form")
+    _check(rule, sort, form, block)
     given = {name: _finite(name, value) for name, value in parameters.items() if value is not None}
     faceplate = find_block(block) if block is not None else None
     out = Suggested([], {}, {})
@@ -104,6 +97,18 @@ def suggest(
         out.rows.append(row | _predicted(*out.responses[name]) | _shown(plate))
     out.rows.sort(key=lambda row: (row[sort] is None, row[sort] if row[sort] is not None else 0))
     return out
+
+
+def _check(rule: str | None, sort: str, form: str | None, block: str | None) -> None:
+    """Raise ValueError for words that are none, saying what is accepted."""
+    if rule != "all" and rule not in RULES:
+        raise ValueError(f"rule = {rule!r}: must be all or one of {', '.join(RULES)}")
+    if sort not in SORTABLE:
+        raise ValueError(f"sort = {sort!r}: must be one of {', '.join(SORTABLE)}")
+    if form is not None and form not in FORMS:
+        raise ValueError(f"form = {form!r}: must be one of {', '.join(FORMS)}")
+    if form is not None and block is not None:
+        raise ValueError("form, block: give one of them, a block has its own form")
 
 
 def model_of(

@@ -44,6 +44,39 @@ def _turns(model: Array, tf: float, a1: float, a2: float, integrators: int, omeg
 
 
 @jit
+def _open_loop(
+    model: Array, integrators: int, settings: Array, series: bool
+) -> tuple[float, int, float, float, float]:
+    """Return g, n, a1, a2, tf of the open loop g (1 + a1 s + a2 s^2) exp(-theta s) / (s^n (tf s + 1) (lags))."""
+    ti, td = settings[1], settings[2]
+    tf = settings[3] if td > 0.0 else 0.0
+    g = model[0] * settings[0]
+    lead = td if series else td + tf
+    if math.isinf(ti):
+        return g, integrators, lead, 0.0, tf
+    return g / ti, integrators + 1, ti + (td if series else tf), ti * lead, tf
+
+
+@jit
+def _at_frequency(
+    omega: float, model: Array, loop: tuple[float, float, float, float], n: int
+) -> tuple[float, float]:
+    """Return the open loop (g, a1, a2, tf) with n integrators at a frequency [rad/s]: real and imaginary part."""
+    theta, lag, lag2 = model[1], model[2], model[3]
+    g, a1, a2, tf = loop
+    cos, sin = math.cos(omega * theta), math.sin(omega * theta)
+    up_re, up_im = 1.0 - a2 * (omega * omega), a1 * omega
+    up_re, up_im = up_re * cos + up_im * sin, up_im * cos - up_re * sin
+    down_re, down_im = 1.0, omega * tf
+    down_re, down_im = down_re - down_im * omega * lag, down_im + down_re * omega * lag
+    down_re, down_im = down_re - down_im * omega * lag2, down_im + down_re * omega * lag2
+    for _ in range(n):
+        down_re, down_im = -down_im * omega, down_re * omega
+    scale = g / (down_re * down_re + down_im * down_im)
+    return scale * (up_re * down_re + up_im * down_im), scale * (up_im * down_re - up_re * down_im)
+
+
+@jit
 def least_distance(model: Array, integrators: int, settings: Array, series: bool, enough: float) -> float:
     """Least abs(1 + L), i.e. 1/Ms; 0 where the loop is unstable, anything below ``enough`` as soon as it is below.
 
@@ -61,17 +94,7 @@ def least_distance(model: Array, integrators: int, settings: Array, series: bool
         Where the answer lies below, it need not be exact.
     """
     theta, lag, lag2 = model[1], model[2], model[3]
-    ti, td = settings[1], settings[2]
-    tf = settings[3] if td > 0.0 else 0.0
-    g = model[0] * settings[0]
-    n = integrators
-    lead = td if series else td + tf
-    if math.isinf(ti):
-        a1, a2 = lead, 0.0
-    else:
-        n += 1
-        g /= ti
-        a1, a2 = ti + (td if series else tf), ti * lead
+    g, n, a1, a2, tf = _open_loop(model, integrators, settings, series)
     times = theta + lag + lag2 + tf
     if not g > 0.0:
         return 0.0
@@ -80,17 +103,7 @@ def least_distance(model: Array, integrators: int, settings: Array, series: bool
     size_before, before, before2, omega_before = 0.0, np.inf, np.inf, omega
     for k in range(MOST_FREQUENCIES):
         x = omega * omega
-        cos, sin = math.cos(omega * theta), math.sin(omega * theta)
-        up_re, up_im = 1.0 - a2 * x, a1 * omega
-        up_re, up_im = up_re * cos + up_im * sin, up_im * cos - up_re * sin
-        down_re, down_im = 1.0, omega * tf
-        down_re, down_im = down_re - down_im * omega * lag, down_im + down_re * omega * lag
-        down_re, down_im = down_re - down_im * omega * lag2, down_im + down_re * omega * lag2
-        for _ in range(n):
-            down_re, down_im = -down_im * omega, down_re * omega
-        scale = g / (down_re * down_re + down_im * down_im)
-        re = scale * (up_re * down_re + up_im * down_im)
-        im = scale * (up_im * down_re - up_re * down_im)
+        re, im = _at_frequency(omega, model, (g, a1, a2, tf), n)
         size = re * re + im * im
         distance = (1.0 + re) ** 2 + im * im
         if k > 0 and (size > 1.0) != (size_before > 1.0):
@@ -111,11 +124,8 @@ def least_distance(model: Array, integrators: int, settings: Array, series: bool
         if bound < max(1.0 - least, NEGLIGIBLE_LOOP_GAIN):
             return least if turns == 0.0 else 0.0
         size_before, before2, before, omega_before = size, before, distance, omega
-        omega += (
-            min(FREQUENCY_STEP_SHARE * omega, TURN_RAD / theta)
-            if theta > 0.0
-            else FREQUENCY_STEP_SHARE * omega
-        )
+        step = FREQUENCY_STEP_SHARE * omega
+        omega += min(step, TURN_RAD / theta) if theta > 0.0 else step
     return 0.0
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -41,8 +41,8 @@ def scenario_loops(name: str, seed: int) -> list[LoopSpec]:
               help="Write an export here instead: data.parquet, loops.csv, truth.csv, truth_events.csv.")  # fmt: skip
 @parent_option
 def simulate(
-    loops: int | None, scenario: str | None, plant: Path | None, seed: int, speed: float, payload: Payload,
-    connect: str, seconds: float | None, hours: float, out: Path | None, parent: int | None,
+    loops: int | None, scenario: str | None, plant: Path | None, seed: int, hours: float, out: Path | None,
+    **options: Any,
 ) -> None:  # fmt: skip
     """Publish simulated loops on Zenoh, or write them as a historian export with the truth beside it."""
     specs = _loops(loops, scenario, plant, seed)
@@ -56,7 +56,7 @@ def simulate(
         click.echo(f"{rows:,} samples of {len(specs)} loops, {hours:g} h: {out}/data.parquet, loops.csv, truth.csv, "
                    "truth_events.csv")  # fmt: skip
         return
-    _publish(specs, connect, speed, payload, seconds, parent)
+    _publish(specs, **options)
 
 
 def _loops(loops: int | None, scenario: str | None, plant: Path | None, seed: int) -> list[LoopSpec]:

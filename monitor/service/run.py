@@ -150,15 +150,19 @@ def _listen(config: Config) -> list[str]:
 
 def _session(config: Config, spare: Sequence[str]) -> tuple[Any, Config]:
     """Open the session, on a spare endpoint where the first is taken; return it with the configuration that holds."""
+    refusal = ""
     for listen in (_listen(config), *([endpoint] for endpoint in spare)):
         try:
             session = open_session("router" if listen else "client", connect=config.connect, listen=listen)
-        except BusError:
-            if not spare or listen == [spare[-1]]:
+        except BusError as error:
+            if not spare:
                 raise
+            refusal = str(error)
             continue
         for endpoint in listen:
             if not any(local in endpoint for local in LOCAL):
                 log.warning("%s is open to the network: use TLS and access control, see config/", endpoint)
         return session, replace(config, listen=listen)
-    raise AssertionError
+    raise BusError(
+        f"{_listen(config)[0]}, and {len(spare)} more up to {spare[-1]}: no endpoint is free ({refusal})"
+    )

@@ -81,11 +81,11 @@ class Samples:
         n = len(t)
 
         def column(name: str, values: ArrayLike, dtype: type[Scalar]) -> NDArray[Scalar]:
-            out = np.ascontiguousarray(
-                np.broadcast_to(
-                    np.asarray(values, dtype=dtype), (n,) if np.ndim(values) == 0 else np.shape(values)
-                )
-            )
+            if (
+                np.ndim(values) == 0
+            ):  # an array of its own: one that cannot be written is another type to the kernel
+                return np.full(n, values, dtype=dtype)
+            out = np.ascontiguousarray(values, dtype=dtype)
             if out.shape != (n,):
                 raise ValueError(f"samples: column {name} has shape {out.shape}, expected ({n},)")
             return out

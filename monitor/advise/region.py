@@ -19,6 +19,8 @@ from .worst_case import first_safe, worst_distance
 RADIUS_SD = math.sqrt(7.815)
 """Radius, in sigma, of the 95 % region of three parameters (chi-squared, 3 degrees of freedom)."""
 
+LEAST_LAG_S = 1e-9
+"""The resolution of all times: a lag below it is none, and has no ratio [s]."""
 LAG_SEEN_SD = 2.0
 """Sigmas from 0 from which a self-regulating process's lag is not in doubt."""
 
@@ -61,7 +63,8 @@ def uncertain_models(fit: Fit, period: float) -> Model:
 
 def _by_ratio(fit: Fit) -> bool:
     """Whether the lag is uncertain by a factor, rather than by the rounding that it leaves."""
-    return fit.process != INTEGRATING and fit.lag > LAG_SEEN_SD * math.sqrt(max(fit.cov[1, 1], 0.0))
+    least = max(LAG_SEEN_SD * math.sqrt(max(fit.cov[1, 1], 0.0)), LEAST_LAG_S)
+    return fit.process != INTEGRATING and fit.lag > least
 
 
 def _along(fit: Fit, valley: Valley) -> Model:

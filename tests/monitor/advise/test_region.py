@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from monitor.advise.region import nominal, uncertain_models, worst_peaks
@@ -35,6 +35,7 @@ def test_the_region_holds_what_the_data_allow():
     assert nominal(region) == IntegratingModel(gain[:1], dead_time[:1], lag[:1])
 
 
+@example(1.0, 2.2e-313, 0.0, (0.0, 0.0, 0.0), SELF_REGULATING, 0.0)
 @settings(max_examples=50)
 @given(
     gain=st.floats(1e-6, 1e6),

@@ -170,20 +170,19 @@ def test_no_process_is_left(demo):
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
 def test_however_it_ends_the_plant_ends_too(number):
     """Told to stop: exit 0 and nothing left; killed: the plant notices."""
-    started = subprocess.Popen(
+    with subprocess.Popen(
         command("--speed", "50"), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-    )
-    assert started.stdout is not None
-    for line in started.stdout:
-        if "ready" in line:
-            break
-    plants = until(lambda: children(started.pid))
-    os.kill(started.pid, number)
-    started.stdout.read()
-    code = started.wait(PATIENCE)
+    ) as started:
+        assert started.stdout is not None
+        for line in started.stdout:
+            if "ready" in line:
+                break
+        plants = until(lambda: children(started.pid))
+        os.kill(started.pid, number)
+        started.stdout.read()
+        code = started.wait(PATIENCE)
     assert code == (-signal.SIGKILL if number == signal.SIGKILL else 0)
     until(lambda: all(gone(p) for p in plants))
-    started.stdout.close()
 
 
 @pytest.mark.slow

@@ -46,6 +46,7 @@ def test_wrong_use_is_one_line_and_exit_2(
     assert said.err.startswith("loopsight view: ")
 
 
+@pytest.mark.slow
 def test_no_monitor_is_one_line(tmp_path: Path) -> None:
     port = rerun_process.free_ports(1)[0]
     done = command("--connect", f"tcp/127.0.0.1:{port}", "--view", "none", "--save", str(tmp_path / "x.rrd"))

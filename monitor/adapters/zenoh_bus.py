@@ -18,6 +18,8 @@ from monitor.contract.times import ns_of
 from .inbox import Inbox
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+CONNECT_WITHIN_MS = 3000
+"""How long a session that is opened waits for the other side."""
 RECONNECT = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}
 """A router that comes back is found within a second; set as one object, single fields are refused."""
 QUESTION_BYTES = 64 * 1024
@@ -58,7 +60,7 @@ def open_session(
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),
         "connect/retry": RECONNECT,
-        "connect/timeout_ms": 3000,
+        "connect/timeout_ms": CONNECT_WITHIN_MS,
         "timestamping/enabled": True,
         "transport/link/rx/max_message_size": 4 * MOST_PAYLOAD_BYTES,  # Zenoh's own limit is a gigabyte
         **(options or {}),

@@ -306,7 +306,6 @@ def month(folder: Path, loops: int, stepping: int, minutes: int, days: int = 30)
     slope = float(np.polyfit(np.arange(half), memory[-half:], 1)[0]) / 1e6
     assert slope < max(0.5, 0.001 * memory[-1] / 1e6), f"{slope:.2f} MB a day"
     monitor.close()
-    gc.unfreeze()
     return {
         "samples": seen, "assessed": found, "MB": memory[-1] / 1e6, "MB a day": slope,
         "tick_p99": float(np.quantile(ticks, 0.99)), "tick_most": max(ticks),

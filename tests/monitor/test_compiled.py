@@ -60,6 +60,7 @@ def copied(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_change_in_another_file_is_seen(copied: Path) -> None:
     """In a function that is called, and in a constant that this one holds; what did not change comes from disk."""
     assert run(copied) == (6.0, 0)

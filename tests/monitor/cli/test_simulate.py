@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.monitor.cli.tools import refused, run
 from tests.support.waiting import free_port
 
 
+@pytest.mark.usefixtures("impatient")
 def test_a_plant_without_a_monitor_is_one_line():
     """Nothing listens."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"

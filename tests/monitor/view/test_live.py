@@ -40,6 +40,7 @@ def test_one_event(tmp_path: Path, fake: FakeMonitor) -> None:
     assert not (tmp_path / "b.rrd").exists()
 
 
+@pytest.mark.usefixtures("impatient")
 def test_nobody_answers(tmp_path: Path) -> None:
     """One line with the endpoint."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"

@@ -81,7 +81,7 @@ def assert_same(found: dict[str, list[Assessment]], expected: dict[str, list[Ass
 
 @pytest.mark.parametrize("payload", ["tag", "sample", "frame"])
 @given(seed=st.integers(0, 2**32 - 1), pieces=st.integers(0, 60))
-@settings(max_examples=5, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=3, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_live_equals_batch(plant, bench, payload, seed, pieces):
     """Tags, samples or frames, in any batches, disturbed within the window: the engine's records, bit by bit."""
     loops, block, expected = plant
@@ -263,7 +263,7 @@ def test_registration_is_bounded_and_off_with_a_table(bench, monkeypatch):
         max_size=30,
     )
 )
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_no_message_stops_the_service_or_leads_out_of_the_prefix(bench, messages):
     """Anything under any key: ticks go on, and all that is ever put lies under the prefix."""
     b = bench()

@@ -257,7 +257,7 @@ INSTEAD: dict[int, str] = {
         "renamed is a new loop. Live only: the audit has an end."
     ),
     63: (
-        "A thousand loops at a sample a minute (`-m slow`, ten minutes); more of them, or faster, have not been run "
+        "A thousand loops at a sample a minute (`-m soak`, ten minutes); more of them, or faster, have not been run "
         "for a month."
     ),
 }

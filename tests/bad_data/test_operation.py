@@ -317,7 +317,7 @@ def test_a_month(tmp_path: Path) -> None:
     month(tmp_path, 5, 2, 240)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_month_of_a_thousand_loops(tmp_path: Path) -> None:
     """The same for a thousand loops, a frame a minute: 43 million samples, thousands of events (ten minutes).
 

@@ -33,7 +33,6 @@ from tests.bad_data.harness import (
     messages,
     same,
 )
-from tests.support.bus import FakeBus
 
 N = 700
 
@@ -264,7 +263,7 @@ def month(folder: Path, loops: int, stepping: int, minutes: int, days: int = 30)
     """
     plant = Plant(loops, stepping)
     monitor = Live(folder, plant.table)
-    monitor.bus = monitor.service.bus = FakeBus(keep=False)
+    monitor.bus.keep = False
     monitor.service._heard = None  # the harness keeps all that it hears
     seen, memory, ticks = 0, [], []
     gc.freeze()  # what the other tests have left is not looked through each day

@@ -59,13 +59,13 @@ class FakeBus:
         self.said: list[tuple[str, bytes, str]] = []
         self.on_publish: Callable[[str, bytes], None] | None = None
         self.publish_failed = 0
-        self._keep = keep
+        self.keep = keep
 
     def publish(self, key: str, payload: bytes, encoding: str) -> None:
         """Note what is published."""
         if self.on_publish is not None:
             self.on_publish(key, payload)
-        if self._keep:
+        if self.keep:
             self.said.append((key, payload, encoding))
 
     def put(self, key: str, payload: bytes, time: int) -> None:

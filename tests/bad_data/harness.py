@@ -27,7 +27,7 @@ from monitor.contract.records import Assessment, Event, LoopRow
 from monitor.service.config import Config
 from monitor.service.service import Service
 from tests.support.bus import FakeBus
-from tests.support.plants import pi_loop
+from tests.support.plants import pi_loop, times
 from tests.support.stores import quick
 
 START = 1_767_225_600
@@ -75,8 +75,7 @@ def simulated(
         np.asarray(sp, float), kp=kp, ti=ti, gain=gain, dead=dead - 1, noise=noise, seed=seed, op0=40.0,
         period=period, low=low, high=high, load=(lambda _: 0.0) if load is None else load.__getitem__,
     )  # fmt: skip
-    time = START * SECOND + np.round(np.arange(n) * period * SECOND).astype(np.int64)
-    return pd.DataFrame({"loop": name, "time": time, "sp": sp, "pv": pv, "op": op})
+    return pd.DataFrame({"loop": name, "time": times(n, period), "sp": sp, "pv": pv, "op": op})
 
 
 def good(n: int = 700, at: int = 300, size: float = 5.0, **facts: Any) -> pd.DataFrame:

@@ -42,8 +42,9 @@ def uncertain_models(fit: Fit, period: float) -> Model:
 
     Where the region reaches below a time of 0 it is cut: a point is drawn back towards the centre.
     """
+    more = period + 2.0 * fit.extra_delay  # half of it is added
     if fit.valley is not None:
-        return with_hold_delay(_along(fit, fit.valley), period)
+        return with_hold_delay(_along(fit, fit.valley), more)
     cov = _covariance(fit)
     scale = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     # of no unit, so that seconds and minutes agree
@@ -57,8 +58,8 @@ def uncertain_models(fit: Fit, period: float) -> Model:
     offsets = RADIUS_SD * np.array([np.zeros(3), *(d @ axes.T for d in directions), *at_lag, *extremes])
     gain, lag, dead_time = (x[:, None] for x in _inside(fit, offsets))
     if fit.process == INTEGRATING:
-        return with_hold_delay(IntegratingModel(gain, dead_time, lag), period)
-    return with_hold_delay(SelfRegulatingModel(gain, dead_time, lag, np.full_like(lag, fit.lag2)), period)
+        return with_hold_delay(IntegratingModel(gain, dead_time, lag), more)
+    return with_hold_delay(SelfRegulatingModel(gain, dead_time, lag, np.full_like(lag, fit.lag2)), more)
 
 
 def _by_ratio(fit: Fit) -> bool:

@@ -22,10 +22,15 @@ LEAST_TC_PERIODS = 3.0
 
 
 def model_of(fit: Fit) -> Model:
-    """Return the fit's model, without its uncertainty."""
+    """Return the fit's model as the loop's controller meets it, without its uncertainty.
+
+    What the controller adds of dead time (`Fit.extra_delay`) is in it. A PV filter counts with its whole time constant:
+    the phase of ``1/(1 + jwT)`` is at least ``-wT`` and its gain at most 1, so this is on the safe side (derived).
+    """
+    dead_time = fit.dead_time + fit.extra_delay
     if fit.process == INTEGRATING:
-        return IntegratingModel(fit.gain, fit.dead_time, fit.lag)
-    return SelfRegulatingModel(fit.gain, fit.dead_time, fit.lag, fit.lag2)
+        return IntegratingModel(fit.gain, dead_time, fit.lag)
+    return SelfRegulatingModel(fit.gain, dead_time, fit.lag, fit.lag2)
 
 
 def with_hold_delay(model: Model, period: float) -> Model:

@@ -141,10 +141,31 @@ class LoopRow(msgspec.Struct, frozen=True, kw_only=True):
     compression: float | None = None
     flags: tuple[str, ...] = ()
     kp: float | None = None
-    """Settings of today as the loop table has them, for the reader's comparison."""
+    """Settings in force, of the loop table or seen in the data: see ``settings_source``."""
     ti: float | None = None
     td: float | None = None
     tf: float | None = None
+    settings_source: str = ""
+    """``table``, ``data``; empty where the settings are not known."""
+    settings_explained: float | None = None
+    """Share of OP's movement that the settings in use explain."""
+    kp_seen: float | None = None
+    """The controller as the data show it, in the standard form."""
+    kp_seen_lo: float | None = None
+    kp_seen_hi: float | None = None
+    ti_seen: float | None = None
+    """inf = no integral action (null in JSON) [s]."""
+    ti_seen_lo: float | None = None
+    ti_seen_hi: float | None = None
+    td_seen: float | None = None
+    td_seen_lo: float | None = None
+    td_seen_hi: float | None = None
+    pv_filter_seen: float | None = None
+    """Time constant of a PV filter inside the block [s]."""
+    op_delay_seen: float | None = None
+    """By how much OP comes later than its inputs were recorded [s]."""
+    scan_seen: float | None = None
+    """Execution period of the controller, where it is slower than the samples [s]."""
     overshoot: float | None = None
     """Predicted for today's settings on the model: share of the set-point step."""
     iae_setpoint: float | None = None

@@ -14,8 +14,13 @@ SNAPSHOT_SAMPLES = 64
 a slow response has not yet widened."""
 LEAST_BEFORE_SAMPLES = 8
 """Samples of the window from before the onset, even where the loop was not at rest."""
+STRETCH_SAMPLES = 8192
+"""Samples from one stretch that is handed out, for the controller to be seen in it, to the next; a loop that is new has
+one whenever its samples have doubled."""
 WINDOW_POINTS = 1024
 """Points of an event's window; when full, every second one is dropped."""
+SLOTS_OF_SAMPLE = 2
+"""Windows that one sample may need: an event's and a stretch's."""
 MAX_GAP_PERIODS = 3.5
 """Above it nothing is integrated across (three periods and jitter)."""
 STEP_MOVES_SAMPLES = 5

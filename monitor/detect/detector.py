@@ -22,9 +22,9 @@ from monitor.contract.samples import Samples
 from monitor.health.observe import HEALTH
 
 from . import kernel
-from .constants import RING_SAMPLES, TOO_LARGE, WINDOW_POINTS
-from .event import BY_END, CAUSES, STATES, ClosedEvent, EventWindow, Opened
-from .state import OPENED, OUT, PARAM, STATE, Batch, Stores
+from .constants import RING_SAMPLES, SLOTS_OF_SAMPLE, TOO_LARGE, WINDOW_POINTS
+from .event import BY_END, CAUSES, STATES, ClosedEvent, EventWindow, Opened, Stretch
+from .state import OPENED, OUT, PARAM, STATE, STRETCH, Batch, Stores
 
 _T = TypeVar("_T", bound=np.generic)
 MOST_OUT = 256
@@ -61,6 +61,7 @@ class Detector:
             n_free=np.zeros(1, np.int64),
             out=np.zeros(MOST_OUT, OUT),
         )
+        self._stretches: list[Stretch] = []
         self.add(loops)
 
     @property
@@ -141,6 +142,11 @@ class Detector:
             found += self._drain(n)
         return found
 
+    def take_stretches(self) -> list[Stretch]:
+        """Return the stretches handed out since this was last asked."""
+        taken, self._stretches = self._stretches, []
+        return taken
+
     def flush(self, loops: Iterable[int] | None = None, cause: int = BY_END) -> Found:
         """Close the open events of these rows (default: all) as interrupted, by default by the end of the data."""
         found: Found = []
@@ -149,15 +155,16 @@ class Detector:
         return found
 
     def _make_room(self) -> None:
-        """Have at least one free slot; the slab doubles, so that an upset of the whole plant costs few copies."""
-        if self.stores.n_free[0] > 0:
+        """Have the free slots that a sample may need; the slab doubles: an upset of a whole plant costs few copies."""
+        if self.stores.n_free[0] >= SLOTS_OF_SAMPLE:
             return
         n = len(self.stores.slab)
         more = min(max(n, 16), max(2 * len(self.state), 16))
         slab = _grown(self.stores.slab, n + more)
-        free = _grown(np.arange(n + more - 1, n - 1, -1), n + more)
+        left = int(self.stores.n_free[0])
+        free = _grown(np.r_[self.stores.free[:left], n + more - 1 : n - 1 : -1], n + more)
         self.stores = self.stores._replace(slab=slab, free=free)
-        self.stores.n_free[0] = more
+        self.stores.n_free[0] = left + more
 
     def _take_slot(self) -> int:
         self.stores.n_free[0] -= 1
@@ -168,7 +175,7 @@ class Detector:
         self.stores.n_free[0] += 1
 
     def _drain(self, n: int) -> Found:
-        """Copy what the kernel handed out, and free the slots of closed events."""
+        """Copy what the kernel handed out, and free the slots of its windows."""
         found: Found = []
         for out in self.stores.out[:n]:
             if out["what"] == OPENED:
@@ -177,13 +184,19 @@ class Detector:
             slot = int(out["slot"])
             time, sp, pv, op = self.stores.slab[slot, : out["points"]].T.copy()
             self._free_slot(slot)
+            window = EventWindow(time, sp, pv, op, int(out["before"]))
+            if out["what"] == STRETCH:
+                self._stretches.append(
+                    Stretch(*(out[k].item() for k in ("row", "onset", "end", "period")), window)
+                )
+                continue
             found.append(
                 ClosedEvent(
                     **{name: out[name].item() for name in _AS_THEY_ARE},
                     state=STATES[out["state"]],
                     cause=CAUSES[out["cause"]],
                     quiet=bool(out["quiet"]),
-                    window=EventWindow(time, sp, pv, op, int(out["before"])),
+                    window=window,
                     health=out["health"].copy(),
                 )
             )

@@ -59,6 +59,22 @@ class Opened:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """Samples in a row, in automatic, whatever happens in them: to see the controller in."""
+
+    row: int
+    """The loop's row of the table."""
+    start: int
+    """[ns since 1970]"""
+    end: int
+    """[ns since 1970]"""
+    period: float
+    """Of the samples [s]."""
+    window: EventWindow
+    """All of it from before an onset."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ClosedEvent:
     """An event from its onset to its end, with all that is known of it without a model."""
 

@@ -12,7 +12,7 @@ from monitor.health.observe import HEALTH
 
 WARMING, QUIET, CANDIDATE, EVENT, MOVING = range(5)
 """Phases: without a baseline; at rest; a set point has begun to move; an event is open; a set point goes on moving."""
-OPENED, CLOSED = 1, 2
+OPENED, CLOSED, STRETCH = 1, 2, 3
 """What is handed out."""
 COUNTS = ("ok", "uncertain", "bad_value", "bad_quality", "duplicate", "conflict", "late")
 """What became of a sample; `ok` includes `uncertain`, `duplicate` includes `conflict`."""
@@ -142,6 +142,7 @@ STATE = np.dtype(
     [
         ("phase", "i8"),  # `WARMING` ... `MOVING`
         ("ring_n", "i8"),  # samples that went through the rings since the loop began anew
+        ("next_stretch", "i8"),  # good samples from which a stretch is handed out again
         ("window", POINTS),
         ("last", LAST),
         ("clock", CLOCK),
@@ -161,7 +162,7 @@ What every sample of a quiet loop touches stands first, beside each other: with 
 
 OUT = np.dtype(
     [
-        ("what", "i8"),  # `OPENED` or `CLOSED`
+        ("what", "i8"),  # `OPENED`, `CLOSED` or `STRETCH`
         ("row", "i8"),  # of the loop
         ("slot", "i8"),  # of its window
         ("points", "i8"),  # of its window
@@ -173,7 +174,8 @@ OUT = np.dtype(
         ("health", HEALTH),  # of a closed event: the loop's at that moment
     ]
 )
-"""What the kernel hands out, in the units of `event.ClosedEvent`; an opening fills in only what `Opened` says."""
+"""What the kernel hands out, in the units of `event.ClosedEvent`; an opening fills in only what `Opened` says, a
+stretch what `Stretch` says."""
 
 
 class Stores(NamedTuple):

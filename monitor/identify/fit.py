@@ -67,6 +67,8 @@ class Fit:
     """Where no covariance describes the models that the data allow: of a self-regulating process."""
     method: str = DIRECT
     """``direct`` (from OP as measured), ``indirect`` (closed loop simulated) or ``joint`` (several events)."""
+    extra_delay: float = 0.0
+    """Dead time that the loop's controller adds to the process: PV filter, late OP, half of a slow execution [s]."""
 
     @property
     def t0(self) -> float:
@@ -157,6 +159,7 @@ def combine(fits: list[Fit]) -> Fit:
         floor=floor,
         valley=None,
         method=JOINT,
+        extra_delay=fits[-1].extra_delay,
     )
 
 

@@ -90,3 +90,28 @@ def test_units_and_clock_do_not_matter(a, b, c, d, shift):
     assert second.iae == pytest.approx(a * first.iae, rel=1e-6)
     assert second.noise == pytest.approx(a * first.noise, rel=1e-5)
     assert second.s1 == pytest.approx(c * first.s1, rel=1e-5, abs=1e-7 * c)
+
+
+def test_stretches_are_the_samples_themselves_however_they_are_batched(fleet):
+    """Each is a row of a loop's samples as they came; the first ones soon, then each time their number has doubled."""
+    loops, samples = fleet
+    whole, parts = Detector(loops), Detector(loops)
+    whole.run(samples)
+    taken = whole.take_stretches()
+    assert len(taken) > 3 * len(loops)
+    assert not whole.take_stretches()
+    pieces = []
+    for cut in np.array_split(np.arange(len(samples)), 13):
+        parts.run(samples.take(cut))
+        pieces += parts.take_stretches()
+    for one, other in zip(taken, pieces, strict=True):
+        assert (one.row, one.start, one.end, one.period) == (other.row, other.start, other.end, other.period)
+        np.testing.assert_array_equal(columns_of(one.window), columns_of(other.window))
+    for stretch in taken:
+        inside = (
+            (samples.loop == stretch.row) & (samples.time >= stretch.start) & (samples.time <= stretch.end)
+        )
+        own = samples.take(np.flatnonzero(inside))
+        kept = np.isin(own.time, stretch.start + np.round(stretch.window.time * 1e9).astype(np.int64))
+        np.testing.assert_array_equal(own.op[kept], stretch.window.op)
+        np.testing.assert_array_equal(own.pv[kept], stretch.window.pv)

@@ -63,6 +63,31 @@ def pumped_tank(seed: int) -> list[LoopSpec]:
     ]
 
 
+def pumped_tank_test(seed: int) -> list[LoopSpec]:
+    """Level of the pumped tank under P-only control with steps of the set point: Rice and Cooper's test (2002).
+
+    On what such a test shows their PID is tuned: -22.9 %/m, 8.0 and 0.51 min. For a suggestion of that rule the
+    loop table says `controller = pid` and `rule = imc-pid`. Gain of the controller, steps and noise are ours.
+    """
+    return [
+        LoopSpec(
+            name="LIC-101",
+            plant=_TANK,
+            controller=_limited(Controller(-5.0)),
+            pv0=4.8,
+            op0=70.0,
+            period=1.0,
+            setpoint=Steps((600.0, 3000.0), (0.5, -0.5), 4800.0),
+            noise=0.002,
+            seed=seed,
+            pv_low=0.0,
+            pv_high=10.0,
+            unit="m",
+            tuning="P-only",
+        )
+    ]
+
+
 def reference_loops(seed: int, period: float = 0.05) -> list[LoopSpec]:
     """Four integrating loops with known IAE, under series PID with a filter of td/10, noise-free.
 
@@ -183,6 +208,7 @@ SCENARIOS: dict[str, Callable[[int], list[LoopSpec]]] = {
     "demo": demo,
     "fleet": fleet,
     "pumped-tank": pumped_tank,
+    "pumped-tank-test": pumped_tank_test,
     "reference-loops": reference_loops,
     "troubles": troubles,
 }

@@ -52,10 +52,25 @@ def fopdt(model: Model) -> SelfRegulatingModel:
 def _rice_cooper(
     model: Model, closed_loop_time: FloatOrArray | None
 ) -> tuple[FloatOrArray, FloatOrArray, FloatOrArray]:
-    """Gain, dead time and closed-loop time, by default sqrt(10) dead times (Rice & Cooper 2002)."""
+    """Gain, dead time and closed-loop time, by default `rice_cooper_time`."""
     process = ipdt(model)
-    theta = process.dead_time
-    return process.gain, theta, loop_time(closed_loop_time, math.sqrt(10) * theta)
+    return process.gain, process.dead_time, loop_time(closed_loop_time, rice_cooper_time(process))
+
+
+def rice_cooper_time(model: Model) -> FloatOrArray:
+    """Return sqrt(10) dead times, all lags half dead time (Rice & Cooper 2002, after Chien & Fruehauf 1990) [s]."""
+    return math.sqrt(10) * ipdt(model).dead_time
+
+
+def lambda_time(model: Model) -> FloatOrArray:
+    """Return three dead times (integrating) or three lags: the usual robust choices of lambda [s]."""
+    return 3 * (ipdt(model).dead_time if isinstance(model, IntegratingModel) else model.first_order().lag)
+
+
+def first_order_time(model: Model) -> FloatOrArray:
+    """Return 0.8 dead times, but at least a tenth of the lag (Rivera, Morari & Skogestad 1986) [s]."""
+    process = fopdt(model)
+    return plain(np.maximum(0.8 * process.dead_time, 0.1 * process.lag))
 
 
 def imc_pi(model: Model, closed_loop_time: FloatOrArray | None = None) -> Settings:
@@ -293,10 +308,9 @@ def lambda_pi(model: Model, closed_loop_time: FloatOrArray | None = None) -> Set
     """
     if isinstance(model, IntegratingModel):
         process = ipdt(model)
-        time = loop_time(closed_loop_time, 3 * process.dead_time)
-        return imc_pi(process, time)
+        return imc_pi(process, loop_time(closed_loop_time, lambda_time(process)))
     reduced = model.first_order()
-    time = loop_time(closed_loop_time, 3 * reduced.lag)
+    time = loop_time(closed_loop_time, lambda_time(reduced))
     return Settings(reduced.lag / (reduced.gain * (time + reduced.dead_time)), reduced.lag)
 
 
@@ -335,6 +349,6 @@ def imc_pid_first_order(model: Model, closed_loop_time: FloatOrArray | None = No
     """
     process = fopdt(model)
     theta, lag = process.dead_time, process.lag
-    tc = loop_time(closed_loop_time, plain(np.maximum(0.8 * theta, 0.1 * lag)))
+    tc = loop_time(closed_loop_time, first_order_time(process))
     both = 2 * lag + theta
     return with_filter(Settings(both / (process.gain * (2 * tc + theta)), both / 2, lag * theta / both))

@@ -101,7 +101,10 @@ def kaya_ist2e(model: Model) -> Settings:
     """Kaya's I-PD for the least IST2E, ``int (t^2 e)^2 dt``, of a set-point step: fitted formula.
 
     All formulas recovered by repeating the paper's fit to the optima (derived); accuracy and filter as in
-    `kaya_iste`.
+    `kaya_iste`. Of the two examples with printed settings the second, ``e^-6.667s/(s (10.141 s + 1))`` identified
+    for a fourth-order plant, contradicts the paper's own formula: kp is printed as .191 (and was simulated so: its
+    overshoot and settling time are those of .191), the formula gives .1944 and the optimum .1940; ti and td agree.
+    The text there also swaps the labels ISTE and IST2E.
 
     Parameters
     ----------

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from tuners.classic import cluett_wang, di_ruscio, fruehauf, shinskey
 from tuners.imc import (
+    first_order_time,
     imc_pi,
     imc_pid,
     imc_pid_filter,
@@ -14,10 +15,12 @@ from tuners.imc import (
     imc_pid_series,
     imc_pid_series_filter,
     lambda_pi,
+    lambda_time,
+    rice_cooper_time,
 )
 from tuners.kaya import chakraborty, kaya_ist2e, kaya_ist2e_exact, kaya_iste, kaya_iste_exact
 from tuners.levels import averaging
-from tuners.models import INTEGRATING, SELF_REGULATING
+from tuners.models import INTEGRATING, SELF_REGULATING, FloatOrArray, Model
 from tuners.reaction_curve import (
     amigo,
     amigo_pi,
@@ -55,6 +58,9 @@ class Rule:
         Those of them that have no default.
     arrays
         Whether the rule takes models with array fields.
+    default_time
+        The closed-loop time that its source gives it [s], of the model; None where there is none, or where it is the
+        dead time, as with SIMC.
 
     Examples
     --------
@@ -74,6 +80,7 @@ class Rule:
     parameters: tuple[str, ...] = ()
     required: tuple[str, ...] = ()
     arrays: bool = True
+    default_time: Callable[[Model], FloatOrArray] | None = None
 
 
 SIMC = "Skogestad 2003, J. Process Control 13, 291-309"
@@ -99,6 +106,10 @@ def _rule(
     return Rule(function, source, structure, form, processes, parameters, required, arrays)
 
 
+def _rice_cooper(function: Callable[..., Settings], form: str = "standard", structure: str = "PID") -> Rule:
+    return Rule(function, RC02, structure, form, (INTEGRATING,), BY_TIME, default_time=rice_cooper_time)
+
+
 RULES: dict[str, Rule] = {
     "simc-pi": _rule(simc_pi, f"{SIMC}; {VV10}", "PI", processes=BOTH, parameters=BY_TIME),
     "simc-pid": _rule(simc_pid, f"{SIMC}; {VV10}", "PID", "series", BOTH, BY_TIME),
@@ -110,24 +121,28 @@ RULES: dict[str, Rule] = {
         processes=(SELF_REGULATING,),
         parameters=BY_TIME,
     ),
-    "imc-pi": _rule(imc_pi, RC02, "PI", parameters=BY_TIME),
-    "imc-pid": _rule(imc_pid, RC02, "PID", parameters=BY_TIME),
-    "imc-pid-series": _rule(imc_pid_series, RC02, "PID", "series", parameters=BY_TIME),
-    "imc-pid-filter": _rule(imc_pid_filter, RC02, "PID", parameters=BY_TIME),
-    "imc-pid-series-filter": _rule(imc_pid_series_filter, RC02, "PID", "series", parameters=BY_TIME),
-    "imc-pid-first-order": _rule(
+    "imc-pi": _rice_cooper(imc_pi, structure="PI"),
+    "imc-pid": _rice_cooper(imc_pid),
+    "imc-pid-series": _rice_cooper(imc_pid_series, "series"),
+    "imc-pid-filter": _rice_cooper(imc_pid_filter),
+    "imc-pid-series-filter": _rice_cooper(imc_pid_series_filter, "series"),
+    "imc-pid-first-order": Rule(
         imc_pid_first_order,
         "Rivera, Morari & Skogestad 1986, IEC Proc. Des. Dev. 25, 252-265",
         "PID",
-        processes=(SELF_REGULATING,),
-        parameters=BY_TIME,
+        "standard",
+        (SELF_REGULATING,),
+        BY_TIME,
+        default_time=first_order_time,
     ),
-    "lambda-pi": _rule(
+    "lambda-pi": Rule(
         lambda_pi,
         f"Dahlin 1968; Chien & Fruehauf 1990; default {AH06}",
         "PI",
-        processes=BOTH,
-        parameters=BY_TIME,
+        "standard",
+        BOTH,
+        BY_TIME,
+        default_time=lambda_time,
     ),
     "di-ruscio": _rule(
         di_ruscio,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.assess.reference import reference_settings, reference_structure
+from monitor.assess.reference import LEAST_TC_PERIODS, reference_settings, reference_structure
 from monitor.contract.loops import Loop
 from monitor.contract.records import SETPOINT
 from monitor.contract.samples import Array
@@ -143,10 +143,17 @@ def reference_candidates(
     return Settings(kp, ti, td, tf, rule.form)
 
 
-def named_candidates(name: str, model: Model, times: Array) -> tuple[Array, Settings]:
-    """Return a rule of `RULES` by name: closed-loop times (T,) and settings (1, T); T = 1 for a rule without tc."""
+def named_candidates(limits: Limits, name: str, model: Model, times: Array) -> tuple[Array, Settings]:
+    """Return a rule of `RULES` by name: closed-loop times (T,) and settings (1, T); T = 1 for a rule without tc.
+
+    The times begin at the one that the loop table asks for, else at the rule's own: a paper's settings are those at
+    its closed-loop time, and one who names the rule means these.
+    """
     rule = RULES[name]
     if "closed_loop_time" in rule.parameters:
+        if rule.default_time is not None and limits.loop.closed_loop_time is None:
+            fastest = max(float(rule.default_time(model)), LEAST_TC_PERIODS * limits.period)
+            times = times * (fastest / times[0])
         made = rule.function(model, closed_loop_time=times)
     else:
         times, made = np.array([math.nan]), rule.function(model)

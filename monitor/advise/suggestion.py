@@ -114,7 +114,7 @@ def advise(loop: Loop, fit: Fit, noise: float, period: float, ms: float | None) 
         if name == RULE[structure]:
             candidates = reference_candidates(loop, model, structure, times)
         else:
-            times, candidates = named_candidates(name, model, times)
+            times, candidates = named_candidates(limits, name, model, times)
         found = search(limits, times, candidates)
         if found.loud and name == RULE[structure]:
             found = search(limits, times, reference_candidates(loop, model, structure, times, loud=True))

@@ -58,7 +58,10 @@ def tune(as_json: bool, as_list: bool, plot: str | None, **options: Any) -> None
         if as_list:
             _print_list(as_json)
             return
+        relayed = options["relay_period"] is not None
         model = _model(options)
+        if relayed and not options["rule"]:
+            options["rule"] = "all"  # what the test has shown is the question; the rules are the answer
         rows, skipped, curves = suggest(model=model, **options)
         if plot:
             _plot(plot, curves)

@@ -286,6 +286,15 @@ def test_pumped_tank_rice_and_cooper_2002():
         assert margin(loop.plant, loop.controller, loop.period).ms < 2.2
 
 
+def test_the_pumped_tanks_test_is_p_only_with_steps_each_way():
+    """Rice & Cooper (2002): the process as printed, no integral action, well away from instability."""
+    (loop,) = SCENARIOS["pumped-tank-test"](0)
+    assert (loop.plant.gain, loop.plant.dead_time) == pytest.approx((-0.022 / 60, 66.0))
+    assert (loop.controller.ti, loop.controller.td) == (math.inf, 0.0)
+    assert margin(loop.plant, loop.controller, loop.period).ms < 1.5
+    assert set(np.sign(loop.setpoint.sizes)) == {-1.0, 1.0}
+
+
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_every_scenario_runs_and_keeps_its_numbers_finite(name):
     loops = SCENARIOS[name](7)

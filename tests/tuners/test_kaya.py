@@ -74,6 +74,19 @@ def test_kaya_2018_example_3(rule, settings, overshoot, settling):
     assert respond(THIRD, settings) == (pytest.approx(overshoot, abs=0.1), pytest.approx(settling, rel=5e-3))
 
 
+def test_kaya_2018_example_3_contradicts_its_own_formula():
+    """The gain printed for IST2E, .191, is neither the formula's nor the optimum's; its two times are."""
+    model = IntegratingModel(1.0, 6.667, 10.141)
+    fitted, best = kaya_ist2e(model), kaya_optimum(model, 2)
+    assert fitted.kp == pytest.approx(best.kp, rel=3e-3)
+    assert fitted.kp / 0.191 > 1.015
+    assert (fitted.ti, fitted.td) == pytest.approx((24.541, 7.433), rel=3e-4)
+    # what is printed of the response is the response to what is printed as gain, not to the formula's
+    overshoot = {kp: respond(THIRD, (kp, fitted.ti, fitted.td))[0] for kp in (0.191, fitted.kp)}
+    assert overshoot[0.191] == pytest.approx(6.49, abs=0.1)
+    assert abs(overshoot[fitted.kp] - 6.49) > 0.3
+
+
 @pytest.mark.parametrize("power", [1, 2])
 def test_optimum_by_time_simulation(power):
     """Independent twin: minimise the criterion of the simulated response with scipy."""

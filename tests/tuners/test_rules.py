@@ -203,6 +203,21 @@ def test_rice_cooper_series_filter_is_the_standard_filter_with_its_filter_on_the
     np.testing.assert_allclose(whole, series.frequency_response(omega), rtol=1e-12)
 
 
+@pytest.mark.parametrize("name", [name for name, rule in RULES.items() if rule.default_time])
+def test_a_rules_own_closed_loop_time_is_the_one_it_uses(name):
+    """Given back to the rule, its default changes nothing, for every kind of process that it takes."""
+    rule = RULES[name]
+    for kind in rule.processes:
+        own = rule.default_time(MODELS[kind])
+        assert own > 0
+        assert rule.function(MODELS[kind], closed_loop_time=own) == rule.function(MODELS[kind])
+
+
+def test_rice_cooper_closed_loop_time():
+    """Their tc is sqrt(10) dead times."""
+    assert RULES["imc-pid"].default_time(TANK) == pytest.approx(math.sqrt(10) * TANK.dead_time)
+
+
 # ---- Di Ruscio 2010: alpha, beta, c, delta, GM, PM, Ms
 
 DI_RUSCIO = {

@@ -125,6 +125,23 @@ def test_why_a_rule_by_name_is_not_used(rule, facts, process, why):
     assert bool(why) == bool(said)
 
 
+@pytest.mark.parametrize("name", [name for name, rule in RULES.items() if rule.default_time])
+def test_a_rule_by_name_starts_at_its_own_closed_loop_time(name):
+    """Its source's settings, where they are safe; the loop table's closed-loop time, where it has one."""
+    rule = RULES[name]
+    process = rule.processes[0]
+    td = 2.0 if rule.structure == "PID" else 0.0
+    fit = make_fit(process=process, sd=(0.005, 0.01, 0.01), dead_time=6.0, lag=12.0)
+    printed = rule.function(model_of(fit)).to("standard")
+    loop = sluggish(ms_max=4.0, kp=0.4 * float(printed.kp), rule=name, td=td)
+    own = given_advice(loop, fit)
+    assert own.closed_loop_time == pytest.approx(float(rule.default_time(model_of(fit))))
+    assert float(own.settings.kp) == pytest.approx(float(printed.kp), rel=0.006)
+    assert float(own.settings.td) == pytest.approx(float(printed.td), rel=0.006)
+    asked_for = msgspec.structs.replace(loop, closed_loop_time=40.0)
+    assert given_advice(asked_for, fit).closed_loop_time >= 40.0
+
+
 def test_a_rule_by_name_is_not_exempt():
     """Ziegler-Nichols breaks the limit, and without a closed-loop time it cannot be slowed down."""
     none = advise(sluggish(kp=0.3, rule="ziegler-nichols-pi"), make_fit(), 0.0, PERIOD, None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pandas as pd
@@ -9,6 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from monitor.audit.run import run_audit
+from sim_plants.export import write_export
+from sim_plants.scenarios import SCENARIOS
 from tests.monitor.audit.tools import FILES, about, content
 from tests.support.places import SHARED
 
@@ -52,6 +55,21 @@ def test_damaged_files_are_left_out_and_the_rest_audited(
     }  # fmt: skip
     assert [p for p in result.problems if p.startswith("empty.csv: an empty file")]
     assert [p for p in result.problems if "none*.csv: no such file" in p]
+
+
+# -- a published case -----------------------------------------------------------------------------
+def test_the_pumped_tanks_test_gives_the_settings_of_its_paper(tmp_path: Path) -> None:
+    """Rice & Cooper (2002), imc-pid: -22.9 %/m, 8.0 and 0.51 min, from P-only control with steps of the set point."""
+    write_export(SCENARIOS["pumped-tank-test"](1), 3 * 3600.0, tmp_path)
+    pd.read_csv(tmp_path / "loops.csv").assign(controller="pid", rule="imc-pid").to_csv(
+        tmp_path / "loops.csv", index=False
+    )
+    assert run_audit([tmp_path / "data.parquet"], tmp_path / "loops.csv", tmp_path / "out").exit_code == 0
+    row = pd.read_csv(tmp_path / "out" / "loops.csv").iloc[0]
+    assert (row.rule, row.form) == ("imc-pid", "standard")
+    aim = json.loads(row.stages)[-1]
+    # kp goes with 1/theta, which the noise leaves uncertain by a few per cent
+    assert (aim["kp"], aim["ti"] / 60, aim["td"] / 60) == pytest.approx((-22.9, 8.0, 0.51), rel=0.08)
 
 
 # -- real and independent data ------------------------------------------------------------------------

@@ -272,6 +272,15 @@ def test_relay_test_in_place_of_dead_time_and_lag():
     assert json.loads(ipdt.stdout)["ti"] == 32.0
 
 
+def test_a_relay_test_alone_compares_all_rules():
+    """Period, amplitude and output are all that a user has after the test: no rule is asked for."""
+    cycle = ["--relay-period", 16, "--relay-amplitude", 0.2, "--relay-output", 1]
+    alone, every = run(*cycle, "--json"), run(*cycle, "--rule", "all", "--json")
+    assert alone.exit_code == 0, alone.stderr
+    assert json.loads(alone.stdout) == json.loads(every.stdout)
+    assert {"simc-pi", "imc-pid"} <= {row["rule"] for row in json.loads(alone.stdout)}
+
+
 @pytest.mark.parametrize(
     ("extra", "names"),
     [

@@ -71,9 +71,11 @@ class Limits:
 
     def kept_by(self, settings: Settings, peaks: tuple[float, float]) -> bool:
         """Whether settings, with Ms on the model found and on the worst one, keep to all limits."""
-        return not peaks[1] > self.loop.ms_max and not any(
-            np.any(where) for _, where in self.broken(settings)
-        )
+        return not peaks[1] > self.loop.ms_max and not self.breaks(settings)
+
+    def breaks(self, settings: Settings) -> bool:
+        """Whether settings break another limit than Ms."""
+        return any(np.any(where) for _, where in self.broken(settings))
 
 
 @dataclass(eq=False, slots=True)

@@ -1,4 +1,4 @@
-"""A large change of settings in steps, with a look in between."""
+"""The way from some settings to others, in steps with a look in between."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def stages(region: Model, today: Settings, new: Settings, ms_max: float) -> list
     n = max(math.ceil(abs(math.log(abs(float(new.kp) / float(today.kp)))) / math.log(STAGE_RATIO) - 1e-9), 1)
     if n == 1:
         return [new]
-    ways = [[_between(today, new, *order(k / n)) for k in range(1, n + 1)] for order in ORDERS]
+    ways = [[between(today, new, *order(k / n)) for k in range(1, n + 1)] for order in ORDERS]
     every = stacked([today, *(stage for way in ways for stage in way[:-1])])
     at_fit, worst = (worst_peaks(models, every) for models in (nominal(region), region))
     allowed = max(ms_max, at_fit[0])
@@ -73,8 +73,16 @@ def rounded(value: float) -> float:
     return float(f"{value:.3g}") if math.isfinite(value) else value
 
 
-def _between(today: Settings, new: Settings, gain_share: float, time_share: float) -> Settings:
-    """Return the settings a share of the way, by ratio; a time that is 0 or inf at either end takes the new value."""
+def between(today: Settings, new: Settings, gain_share: float, time_share: float) -> Settings:
+    """Return the settings a share of the way, by ratio; a time that is 0 or inf at either end takes the new value.
+
+    Parameters
+    ----------
+    today, new
+        The ends of the way.
+    gain_share, time_share
+        Share of the gain's change, and of the times'.
+    """
 
     def mix(name: str, share: float) -> float:
         a, b = float(getattr(today, name)), float(getattr(new, name))

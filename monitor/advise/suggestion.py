@@ -37,9 +37,12 @@ from .candidates import (
     rule_mismatch,
     search,
 )
+from .evidence import Evidence
+from .guards import Guards
+from .path import Way, way
 from .prediction import Predicted, predict, references_of
 from .region import uncertain_models
-from .stages import rounded, stages
+from .stages import rounded
 
 STEP_ASIDE_SHARE = 0.02
 """Gain, as a share of the reference's error, for which a suggestion goes one step away from the rule itself."""
@@ -47,13 +50,15 @@ STEP_ASIDE_SHARE = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """Safe new settings and what they will do."""
+    """Settings to type in now, what they will do, and where they lead."""
 
     rule: str
     settings: Settings
-    """In the loop's own form."""
+    """To be typed in now, in the loop's own form: safe on the evidence."""
+    aim: Settings
+    """What the search found: where the settings lead."""
     closed_loop_time: float
-    """tc for which they hold; NaN for a rule without [s]."""
+    """tc for which the aim holds; NaN for a rule without [s]."""
     ms: float
     ms_worst: float
     """For the worst model inside the intervals."""
@@ -66,7 +71,9 @@ class Advice:
     after: Predicted
     """By the new ones."""
     stages: list[Settings]
-    """Settings to go through; the last one is the suggestion."""
+    """The way as far as it is foreseen: the settings to be typed in now first, the aim last."""
+    limited_by: str = ""
+    """What keeps the rest of the way back, in words; empty where there is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +85,9 @@ class Withheld:
     """The reason is that nothing is to be gained."""
 
 
-def advise(loop: Loop, fit: Fit, noise: float, period: float, ms: float | None) -> Advice | Withheld:
+def advise(
+    loop: Loop, fit: Fit, noise: float, period: float, ms: float | None, evidence: Evidence
+) -> Advice | Withheld:
     """Find the best settings of a rule that are safe, gentle and in reach.
 
     The rule is the one that the loop table names, where it is for the loop's structure and kind of process, else the
@@ -97,14 +106,17 @@ def advise(loop: Loop, fit: Fit, noise: float, period: float, ms: float | None) 
         Sample period, for the least closed-loop time and for the noise's way through the controller [s].
     ms
         Peak sensitivity of today's settings on the model, None where not known.
+    evidence
+        What the events leave open beside the model's intervals: how far one may go now.
     """
     if loop.kp is not None and loop.kp * fit.gain < 0:
         return Withheld(
             "today's gain has the other sign than the process found: check the sign of kp in the table"
         )
     limits = Limits(loop, uncertain_models(fit, period), noise, period)
+    guards = Guards.of(loop, limits.region, evidence, period)
     if loop.objective == "averaging":
-        return _averaging(limits, fit)
+        return _averaging(limits, guards, fit)
     model = model_of(fit)
     structure = reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), period)
@@ -118,33 +130,42 @@ def advise(loop: Loop, fit: Fit, noise: float, period: float, ms: float | None) 
         found = search(limits, times, candidates)
         if found.loud and name == RULE[structure]:
             found = search(limits, times, reference_candidates(loop, model, structure, times, loud=True))
-        return _best(found, fit, structure, tc, name, ms)
+        return _best(found, guards, fit, structure, (tc, name, ms))
     except (ValueError, NotRepresentableError) as error:
         return Withheld(f"no settings of the rule {name} for this model: {error}")
 
 
-def renewed(advice: Advice, loop: Loop, fit: Fit, noise: float, period: float) -> Advice | None:
+def renewed(
+    advice: Advice, loop: Loop, fit: Fit, noise: float, period: float, evidence: Evidence
+) -> Advice | None:
     """Return a suggestion that stands with the figures of a newer model; None where it is not safe on that any more.
 
-    Parameters are those of `advise`.
+    The aim is kept, the part to be typed in now is looked for again, from the settings of today. None also where
+    there is no such part: the aim is reached, or the evidence does not allow a step. Parameters are those of `advise`.
     """
     limits = Limits(loop, uncertain_models(fit, period), noise, period)
-    new, model = advice.settings, model_of(fit)
-    peaks = limits.worst(new)
-    if not limits.kept_by(new, peaks):
+    peaks = limits.worst(advice.aim)
+    if not limits.kept_by(advice.aim, peaks):
         return None
-    (after,), before = predict(model, [new], settings_of(loop))
-    structure = reference_structure(loop)
+    found = way(limits, Guards.of(loop, limits.region, evidence, period), advice.aim, peaks)
+    if isinstance(found, str):
+        return None
+    model, structure = model_of(fit), reference_structure(loop)
+    (after,), before = predict(model, [found.now], settings_of(loop))
     tc = closed_loop_time(loop, reduced(model, structure), period)
     ci = None if advice.ci is None else references_of(loop, fit, structure, tc).index(after)
-    return _advice(limits, advice.rule, new, advice.closed_loop_time, peaks, ci, before, after)
+    return _advice(limits, found, (advice.rule, advice.aim, advice.closed_loop_time), ci, before, after)
 
 
 def _best(
-    found: Search, fit: Fit, structure: str, tc: float, rule: str, ms: float | None
+    found: Search, guards: Guards, fit: Fit, structure: str, of: tuple[float, str, float | None]
 ) -> Advice | Withheld:
-    """Take the candidate that serves the loop's objective best and is, looked at exactly, safe."""
+    """Take the candidate that serves the loop's objective best and is, looked at exactly, safe: the aim; then its way.
+
+    ``of`` are the reference's closed-loop time, the rule's name and today's Ms.
+    """
     limits, loop = found.limits, found.limits.loop
+    tc, rule, ms = of
     today, model = settings_of(loop), model_of(fit)
     references = references_of(loop, fit, structure, tc)
     while found.at:
@@ -152,9 +173,9 @@ def _best(
         each, before = predict(model, list(candidates.values()), today)
         errors = [references.error(after) for after in each]
         k = min(range(len(candidates)), key=lambda n: errors[n] + STEP_ASIDE_SHARE * n)
-        row, new = list(candidates.items())[k]
-        peaks = limits.worst(new)
-        if not limits.kept_by(new, peaks):
+        row, aim = list(candidates.items())[k]
+        peaks = limits.worst(aim)
+        if not limits.kept_by(aim, peaks):
             found.slower(row)
             continue
         quiet = ms is not None and ms <= MS_MARGIN_RATIO * loop.ms_max
@@ -162,23 +183,28 @@ def _best(
             return Withheld(
                 "as tight as the evidence allows: no safe settings are 15 % better", fine_as_it_is=True
             )
-        tc_found = float(found.times[found.at[row]])
-        return _advice(limits, rule, new, tc_found, peaks, references.index(each[k]), before, each[k])
+        walked = way(limits, guards, aim, peaks)
+        if isinstance(walked, str):
+            return Withheld(walked)
+        after = each[k] if walked.now == aim else predict(model, [walked.now], None)[0][0]
+        aimed = rule, aim, float(found.times[found.at[row]])
+        return _advice(limits, walked, aimed, references.index(after), before, after)
     return Withheld(found.failing)
 
 
 def _advice(
-    limits: Limits, rule: str, new: Settings, tc: float, peaks: tuple[float, float], ci: float | None,
+    limits: Limits, walked: Way, aimed: tuple[str, Settings, float], ci: float | None,
     before: Predicted | None, after: Predicted,
 ) -> Advice:  # fmt: skip
-    """Put a suggestion together; ``peaks`` are Ms on the model found and on the worst one."""
-    today = settings_of(limits.loop)
-    noise = float(op_noise(new, limits.noise, limits.period))
-    way = [new] if today is None else stages(limits.region, today, new, limits.loop.ms_max)
-    return Advice(rule, new, tc, *peaks, ci, noise, before, after, way)
+    """Put a suggestion together; ``aimed`` are the rule, the aim and its closed-loop time."""
+    (rule, aim, tc), now = aimed, walked.now
+    noise = float(op_noise(now, limits.noise, limits.period))
+    return Advice(
+        rule, now, aim, tc, *walked.peaks, ci, noise, before, after, walked.stages, walked.limited_by
+    )
 
 
-def _averaging(limits: Limits, fit: Fit) -> Advice | Withheld:
+def _averaging(limits: Limits, guards: Guards, fit: Fit) -> Advice | Withheld:
     """Suggest for a surge vessel the gain that its load and room ask for, and as much integral as damping allows.
 
     ``|Kc| = max_load/max_deviation`` (today's where these are not known), ``Ti = 4/(Kc K)``: damping 1 for a
@@ -202,5 +228,8 @@ def _averaging(limits: Limits, fit: Fit) -> Advice | Withheld:
     broken = [why for why, where in limits.broken(new) if np.any(where)]
     if peaks[1] > loop.ms_max or broken:
         return Withheld("; ".join([limits.too_sensitive()] * (peaks[1] > loop.ms_max) + broken))
-    (after,), before = predict(model, [new], today)
-    return _advice(limits, "averaging", new, 1.0 / (kp * fit.gain), peaks, None, before, after)
+    walked = way(limits, guards, new, peaks)
+    if isinstance(walked, str):
+        return Withheld(walked)
+    (after,), before = predict(model, [walked.now], today)
+    return _advice(limits, walked, ("averaging", new, 1.0 / (kp * fit.gain)), None, before, after)

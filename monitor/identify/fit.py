@@ -17,6 +17,8 @@ DECIDES_LN = 6.0
 SIMPLER_LN = 2.0
 """The same for an integrating one: with a long lag a self-regulating one would explain as much, so the short lag
 that was found for it is less likely yet."""
+EXCLUDED_LN = 3.0
+"""The same, by which a kind of process has to be less likely before settings need not be safe for it."""
 ALIKE_DEAD_TIMES = 8.0
 """Lag, in dead times, from which SIMC's integral time is that for an integrating process (Skogestad 2003)."""
 Z95 = 1.96
@@ -131,6 +133,27 @@ def decide(fits: list[Fit], span: float) -> tuple[Fit | None, bool]:
 def better_by(one: float, n_one: float, other: float, n_other: float) -> float:
     """By how much one log-likelihood exceeds another, each of so many points, over those of the poorer one."""
     return min(n_one, n_other) * (one / n_one - other / n_other)
+
+
+def rivals_of(fit: Fit, others: list[Fit]) -> tuple[Fit, ...]:
+    """Return the models of the other kind of process that a window does not exclude beside the one believed.
+
+    Their gain is of the same sign, and they are not clearly less likely.
+
+    Parameters
+    ----------
+    fit
+        The one believed.
+    others
+        Those of the other kind of process, of the same window.
+    """
+    return tuple(
+        other
+        for other in others
+        if other.process != fit.process
+        and other.gain * fit.gain > 0
+        and better_by(other.log_likelihood, other.n_eff, fit.log_likelihood, fit.n_eff) > -EXCLUDED_LN
+    )
 
 
 def combine(fits: list[Fit]) -> Fit:

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from monitor.advise.candidates import rule_mismatch
+from monitor.advise.evidence import NO_DOUBT
 from monitor.advise.suggestion import Advice, Withheld, advise, renewed
 from monitor.assess.event import Finding, model_fields
 from monitor.assess.reference import model_of
@@ -139,10 +140,10 @@ def _advise(loop: Loop, history: LoopHistory, tuning: Tuning, joint: Fit) -> tup
     noise, period = float(np.median([f.noise for f in history.usable])), history.usable[-1].period
     old = history.standing
     if old is not None and _inside(joint, old.fit):
-        still = renewed(old.advice, loop, joint, noise, period)
+        still = renewed(old.advice, loop, joint, noise, period, NO_DOUBT)
         if still is not None:
             return _with(tuning, loop, still), old
-    advice = advise(loop, joint, noise, period, tuning.ms)
+    advice = advise(loop, joint, noise, period, tuning.ms, NO_DOUBT)
     if not isinstance(advice, Withheld):
         return _with(tuning, loop, advice), _Standing(advice, joint)
     if advice.fine_as_it_is:

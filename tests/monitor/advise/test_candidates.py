@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor.advise.candidates import op_noise, rule_mismatch
+from monitor.advise.evidence import NO_DOUBT
 from monitor.advise.suggestion import Advice, Withheld, advise
 from monitor.assess.reference import model_of
 from monitor.contract.records import LOAD
@@ -50,8 +51,8 @@ def test_noise_takes_from_the_derivative_first():
     fit = make_fit(lag=12.0)
     quiet, loud = given_advice(loop, fit, noise=0.0), given_advice(loop, fit, noise=0.15)
     assert loud.op_noise <= 1.0
-    assert 0 < float(loud.settings.td) < 0.6 * float(quiet.settings.td)
-    assert float(loud.settings.td) == pytest.approx(10 * float(loud.settings.tf))
+    assert 0 < float(loud.aim.td) < 0.6 * float(quiet.aim.td)
+    assert float(loud.aim.td) == pytest.approx(10 * float(loud.aim.tf))
     assert loud.before is not None
     assert loud.after.iae[LOAD] < 0.8 * loud.before.iae[LOAD]
     assert loud.ms_worst <= 2.2
@@ -89,15 +90,15 @@ RULED = [
 @pytest.mark.parametrize(("rule", "facts", "used"), RULED)
 def test_a_rule_by_name(rule, facts, used):
     """Any rule that serves the loop's structure and process; the reference rule for other loops."""
-    advice = advise(sluggish(ms_max=3.0, rule=rule, **facts), make_fit(), 0.0, PERIOD, None)
+    advice = advise(sluggish(ms_max=3.0, rule=rule, **facts), make_fit(), 0.0, PERIOD, None, NO_DOUBT)
     assert isinstance(advice, Advice), advice
     assert advice.rule == used
     assert advice.ms_worst <= 3.0
-    assert (float(advice.settings.td) > 0) == bool(facts.get("td"))
+    assert (float(advice.aim.td) > 0) == bool(facts.get("td"))
     made = RULES[rule]
     if used == rule and "closed_loop_time" not in made.parameters:
         exact = made.function(model_of(make_fit())).to("standard")
-        assert float(advice.settings.kp) == pytest.approx(float(exact.kp), rel=0.006)
+        assert float(advice.aim.kp) == pytest.approx(float(exact.kp), rel=0.006)
         assert math.isnan(advice.closed_loop_time)
 
 
@@ -144,11 +145,11 @@ def test_a_rule_by_name_starts_at_its_own_closed_loop_time(name):
 
 def test_a_rule_by_name_is_not_exempt():
     """Ziegler-Nichols breaks the limit, and without a closed-loop time it cannot be slowed down."""
-    none = advise(sluggish(kp=0.3, rule="ziegler-nichols-pi"), make_fit(), 0.0, PERIOD, None)
+    none = advise(sluggish(kp=0.3, rule="ziegler-nichols-pi"), make_fit(), 0.0, PERIOD, None, NO_DOUBT)
     assert isinstance(none, Withheld)
     assert "Ms" in none.reason
     tight = sluggish(kp=0.3, closed_loop_time=0.5, rule="imc-pi")
-    slowed = advise(tight, make_fit(), 0.0, PERIOD, None)
+    slowed = advise(tight, make_fit(), 0.0, PERIOD, None, NO_DOUBT)
     assert isinstance(slowed, Advice)
     assert slowed.closed_loop_time > 1.0
 
@@ -160,10 +161,10 @@ def test_every_rule_is_safe_or_withheld(rule):
         fit = make_fit(lag=8.0, dead_time=3.0, process=process)
         for facts in ({}, {"td": 2.0}, {"ti": math.inf}, {"td": 2.0, "b": 0.0, "c": 0.0}):
             loop = sluggish(kp=0.5, form="series", rule=rule, **facts)
-            advice = advise(loop, fit, 0.01, PERIOD, None)
+            advice = advise(loop, fit, 0.01, PERIOD, None, NO_DOUBT)
             if isinstance(advice, Withheld):
                 assert advice.reason
             else:
                 assert advice.ms_worst <= 2.2
-                assert math.isfinite(float(advice.settings.ti)) == math.isfinite(loop.ti)
-                assert not (float(advice.settings.td) > 0 and not facts.get("td"))
+                assert math.isfinite(float(advice.aim.ti)) == math.isfinite(loop.ti)
+                assert not (float(advice.aim.td) > 0 and not facts.get("td"))

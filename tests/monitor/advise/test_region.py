@@ -97,4 +97,4 @@ def test_the_region_grows_with_correlation():
     apart[0, 2] = apart[2, 0] = -0.9 * 0.2 * 1.5
     worse = given_advice(sluggish(), replace(fit, scatter=together))
     better = given_advice(sluggish(), replace(fit, scatter=apart))
-    assert float(worse.settings.kp) < float(better.settings.kp)
+    assert float(worse.aim.kp) < float(better.aim.kp)

@@ -39,9 +39,10 @@ def test_large_changes_come_in_stages():
     """At most a factor of three in gain each, the last one the suggestion, every one safe on the model."""
     loop = sluggish(kp=0.35, ti=150.0)
     advice = given_advice(loop)
+    assert advice.limited_by
     gains = [loop.kp, *(float(s.kp) for s in advice.stages)]
     assert len(advice.stages) > 1
-    assert advice.stages[-1] == advice.settings
+    assert (advice.stages[0], advice.stages[-1]) == (advice.settings, advice.aim)
     for a, b in pairwise(gains):
         assert a is not None
         assert 1 / (STAGE_RATIO * 1.01) <= b / a <= STAGE_RATIO * 1.01

@@ -1,0 +1,174 @@
+"""What keeps settings back that a model allows: other kinds of process, the model's error, what was not excited, loads.
+
+A suggestion has to be safe on the true process, not on the fitted model's family alone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor.assess.reference import model_of, settings_of, with_hold_delay
+from monitor.contract.loops import Loop
+from tuners.loops import coefficients, span
+from tuners.models import Model
+from tuners.settings import Settings
+
+from .evidence import Evidence
+from .region import nominal, worst_peaks
+from .stages import stacked
+
+Flags = NDArray[np.bool_]
+"""(T,) of settings."""
+RIVAL_MS = 2.6
+"""Highest Ms on a model of the other kind: the model found may not be the true one."""
+LEAST_DISTANCE = 1.0 / 3.0
+"""Least abs(1 + L) that the model's error may leave: Ms 3."""
+CROSSOVER_RATIO = 2.0
+"""Of the gain crossover in today's: what is excited under today's settings reaches little further."""
+LOADS_GAIN_RATIO = 2.0
+"""Of the gain in today's, after load steps alone."""
+ONCE_RATIO = 3.0
+"""Of the gain in today's, at once, whatever is known."""
+SOFT_RATIO = 1.25
+"""Of gain and crossover in today's, where the model's error forbids everything."""
+SAFER_SHARE = 0.9
+"""Share of today's Ms below which settings that are no good are at least better."""
+CROSSOVER_POINTS = 160
+"""Frequencies at which a crossover is looked for: 4 to 5 decades at 6 % a step."""
+OTHER_KIND, MISFIT, NOT_EXCITED, LOADS_ALONE, IN_PARTS = (
+    "the events do not exclude the other kind of process",
+    "the model leaves more unexplained than noise does",
+    "what was not excited is not known: the crossover is at most doubled at a time",
+    "after load steps alone no more than twice the gain at a time, and no new derivative",
+    "no more than three times the gain at a time",
+)
+"""Why settings are refused, in words."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Guards:
+    """What settings are held against beside Ms on the model's region."""
+
+    model: Model
+    """The model found, as the controller meets it; fields (1,)."""
+    rivals: tuple[Model, ...]
+    today: Settings | None
+    evidence: Evidence
+
+    @classmethod
+    def of(cls, loop: Loop, region: Model, evidence: Evidence, period: float) -> Guards:
+        """Return those of a loop.
+
+        Parameters
+        ----------
+        region
+            Models that the evidence allows, fields (M, 1); the first is the one found.
+        period
+            Sample period [s].
+        """
+        rivals = tuple(with_hold_delay(model_of(fit), period) for fit in evidence.rivals)
+        return cls(nominal(region), rivals, settings_of(loop), evidence)
+
+    def refused(self, many: list[Settings]) -> list[str]:
+        """Say for each of the settings why it is refused; empty where it is not."""
+        if not many:
+            return []
+        checks = (
+            (OTHER_KIND, self._on_rivals(many)),
+            (MISFIT, self._by_misfit(many)),
+            (NOT_EXCITED, self._beyond_excited(many, CROSSOVER_RATIO)),
+            (LOADS_ALONE, self._after_loads(many)),
+            (IN_PARTS, self._at_once(many, ONCE_RATIO)),
+        )
+        return [next((why for why, where in checks if where[k]), "") for k in range(len(many))]
+
+    def soft(self, many: list[Settings]) -> list[bool]:
+        """Return which of the settings are a small step from today's that nothing but the model's error forbids."""
+        if self.today is None or not many or not self.evidence.soft_step:
+            return [False] * len(many)
+        new_lead = [float(s.td) > float(self.today.td) for s in many]
+        wrong = self._on_rivals(many) | self._after_loads(many) | self._at_once(many, SOFT_RATIO) | new_lead
+        return [bool(ok) for ok in ~(wrong | self._beyond_excited(many, SOFT_RATIO))]
+
+    def no_new_lead(self, aim: Settings) -> bool:
+        """Whether load steps alone do not allow the derivative of an aim."""
+        return (
+            self.today is not None and self.evidence.loads_only and float(self.today.td) == 0 < float(aim.td)
+        )
+
+    def _on_rivals(self, many: list[Settings]) -> Flags:
+        """Where Ms on a model of the other kind is too high, and no lower than that of today's settings."""
+        wrong = np.zeros(len(many), dtype=bool)
+        for rival in self.rivals:
+            peaks = worst_peaks(rival, stacked([*many, *self._today()]))
+            allowed = max(RIVAL_MS, 0.0 if self.today is None else SAFER_SHARE * peaks[-1])
+            wrong |= ~(peaks[: len(many)] <= allowed) | np.isinf(peaks[: len(many)])
+        return wrong
+
+    def _by_misfit(self, many: list[Settings]) -> Flags:
+        """Where the error of the model may bring the loop too close to instability, and closer than it is today.
+
+        ``max 1/(|1 + L| - |C| U) <= 3`` over the modes seen, U the bound of the error.
+        """
+        misfit = self.evidence.misfit
+        if misfit is None or not len(misfit.omega):
+            return np.zeros(len(many), dtype=bool)
+        omega = misfit.omega[:, None]
+        c = stacked([*many, *self._today()]).frequency_response(omega)
+        size = np.abs(c) * misfit.bound[:, None]
+        room = np.abs(1.0 + c * self.model.frequency_response(omega)) - size - LEAST_DISTANCE
+        short = room[:, : len(many)] < 0.0
+        if self.today is not None:
+            gentler = (size[:, : len(many)] <= size[:, -1:]) & (room[:, : len(many)] >= room[:, -1:])
+            short &= ~gentler
+        return np.asarray(np.any(short, axis=0))
+
+    def _beyond_excited(self, many: list[Settings], ratio: float) -> Flags:
+        """Where the gain crossover lies further above today's."""
+        if self.today is None:
+            return np.zeros(len(many), dtype=bool)
+        *found, today = crossovers(self.model, [*many, self.today])
+        if today == 0.0:
+            return self._at_once(many, ratio)
+        return np.asarray(np.array(found) > ratio * today * (1.0 + 1e-9))
+
+    def _after_loads(self, many: list[Settings]) -> Flags:
+        """Where more is asked for than load steps alone can show."""
+        if self.today is None or not self.evidence.loads_only:
+            return np.zeros(len(many), dtype=bool)
+        lead = np.array([self.no_new_lead(s) for s in many])
+        return np.asarray(self._at_once(many, LOADS_GAIN_RATIO) | lead)
+
+    def _at_once(self, many: list[Settings], ratio: float) -> Flags:
+        """Where the gain is so many times today's."""
+        if self.today is None:
+            return np.zeros(len(many), dtype=bool)
+        gains = np.array([float(s.kp) for s in many]) / float(self.today.kp)
+        return np.asarray(gains > ratio * (1.0 + 1e-9))
+
+    def _today(self) -> list[Settings]:
+        return [] if self.today is None else [self.today]
+
+
+def crossovers(model: Model, many: list[Settings]) -> list[float]:
+    """Return the last frequency at which abs(L) = 1, for each of the settings; 0 where there is none [rad/s]."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        loops, _ = coefficients(model, stacked(many))
+        low, high = span(loops)
+        omega = np.exp(np.linspace(np.log(low), np.log(high), CROSSOVER_POINTS))
+        size = 0.5 * np.log(loops.magnitude2(omega))
+    found = []
+    for x, y in zip(np.log(omega).T, size.T, strict=True):
+        above = np.flatnonzero(y > 0.0)
+        if not len(above):
+            found.append(0.0)
+        elif above[-1] == len(y) - 1:
+            found.append(math.inf)
+        else:
+            k = above[-1]
+            found.append(float(np.exp(x[k] + (x[k + 1] - x[k]) * y[k] / (y[k] - y[k + 1]))))
+    return found

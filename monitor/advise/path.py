@@ -1,0 +1,141 @@
+"""The walk from today's settings to the aim: how far one may go now, and how the rest of the way is foreseen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from tuners.settings import Settings
+
+from .candidates import Limits
+from .guards import LOADS_ALONE, MISFIT, SAFER_SHARE, SOFT_RATIO, Guards
+from .stages import ORDERS, between, rounded, stages
+
+WAY_SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.12)
+"""Shares of the way, by ratio, that are looked at, from the aim back to today's settings."""
+SOFT_SHARES = (1.0, 0.7, 0.4)
+"""Shares of a soft step."""
+LEAST_STEP_RATIO = 1.05
+"""Of gain or a time in today's, below which a step is none."""
+UNKNOWN_START_RATIO = 4.0
+"""Where today's settings are not known, the way comes from settings so many times gentler than the aim."""
+MOST_MS = 2.6
+"""Ms on the model found of a first part that is not within the limit yet, but safer than today's settings."""
+MS_ON_THE_WAY = "Ms on the way would be too high"
+NEARLY_THERE = "what is safe to change now is less than 5 % of today's settings"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Way:
+    """What may be typed in now, and where it leads."""
+
+    now: Settings
+    peaks: tuple[float, float]
+    """Its Ms on the model found and on the worst one."""
+    stages: list[Settings]
+    """``now`` first, the aim last."""
+    limited_by: str
+    """What keeps the rest back, in words; empty where ``now`` is the aim."""
+
+
+def way(limits: Limits, guards: Guards, aim: Settings, peaks: tuple[float, float]) -> Way | str:
+    """Return the furthest point of the way to an aim that is safe on the evidence, or say why there is none.
+
+    Gain and times move together, by ratio; where no point of that way is safe, the times first, or the gain first.
+    Where the model's error forbids every point, a soft step may be left.
+
+    Parameters
+    ----------
+    limits, guards
+        What each point has to keep to.
+    aim
+        What the search found; it keeps to the limits.
+    peaks
+        Ms of the aim on the model found and on the worst one.
+    """
+    start = guards.today if guards.today is not None else _gentler(aim)
+    end, reasons = aim, []
+    if guards.no_new_lead(aim):
+        end, reasons = replace(aim, td=0.0, tf=0.0), [LOADS_ALONE]
+    for order in ORDERS:
+        points = _distinct(start, (between(start, end, *order(x)) for x in WAY_SHARES))
+        refused = guards.refused(points)
+        for point, why in zip(points, refused, strict=True):
+            found = None if why else _safe(limits, guards, point, aim, peaks)
+            if found is not None:
+                return _to(limits, point, found, aim, next(iter(reasons), ""))
+            reasons.append(why or MS_ON_THE_WAY)
+    if MISFIT in reasons:
+        lead = float(start.td) == 0.0 < float(aim.td)
+        for point in _soft_points(start, replace(aim, td=0.0, tf=0.0) if lead else aim, guards):
+            found = _safe(limits, guards, point, aim, peaks)
+            if found is not None:
+                return _to(limits, point, found, aim, MISFIT)
+    return reasons[0] if reasons else NEARLY_THERE
+
+
+def _to(limits: Limits, now: Settings, peaks: tuple[float, float], aim: Settings, limited_by: str) -> Way:
+    """Put a way together."""
+    if now == aim:
+        return Way(now, peaks, [now], "")
+    rest = stages(limits.region, now, aim, limits.loop.ms_max)
+    return Way(now, peaks, [now, *rest], limited_by)
+
+
+def _safe(
+    limits: Limits, guards: Guards, point: Settings, aim: Settings, peaks: tuple[float, float]
+) -> tuple[float, float] | None:
+    """Ms of a point on the model found and on the worst one, where that is safe, or at least safer than today."""
+    found = peaks if point == aim else limits.worst(point)
+    if limits.kept_by(point, found):
+        return found
+    if guards.today is None or limits.breaks(point):
+        return None
+    today = limits.worst(guards.today)
+    safer = found[1] <= SAFER_SHARE * today[1] and found[0] <= SAFER_SHARE * today[0]
+    return found if safer and found[0] <= MOST_MS and math.isfinite(found[1]) else None
+
+
+def _soft_points(start: Settings, aim: Settings, guards: Guards) -> list[Settings]:
+    """Points of the way that are a small step from today's settings, the furthest first."""
+    gain = abs(math.log(abs(float(aim.kp) / float(start.kp))))
+    times = [
+        abs(math.log(float(getattr(aim, n)) / float(getattr(start, n))))
+        for n in ("ti", "td")
+        if 0 < float(getattr(start, n)) < math.inf and 0 < float(getattr(aim, n)) < math.inf
+    ]
+    longest = max(gain, *times, 1e-9)
+    most = min(math.log(SOFT_RATIO) / longest, 1.0)
+    points = _distinct(start, (between(start, aim, most * x, most * x) for x in SOFT_SHARES))
+    return [p for p, ok in zip(points, guards.soft(points), strict=True) if ok]
+
+
+def _distinct(start: Settings, points: Iterable[Settings]) -> list[Settings]:
+    """Return the points that are a step away from the start, each once."""
+    found: list[Settings] = []
+    for point in points:
+        if point not in found and is_a_step(start, point):
+            found.append(point)
+    return found
+
+
+def is_a_step(one: Settings, other: Settings) -> bool:
+    """Whether two settings differ enough that going from one to the other is worth the while: 5 % somewhere."""
+    for name in ("kp", "ti", "td"):
+        a, b = abs(float(getattr(one, name))), abs(float(getattr(other, name)))
+        if a != b and (
+            not (0 < a < math.inf and 0 < b < math.inf) or abs(math.log(b / a)) >= math.log(LEAST_STEP_RATIO)
+        ):
+            return True
+    return False
+
+
+def _gentler(aim: Settings) -> Settings:
+    """Return settings that are far gentler than the aim."""
+    ti = float(aim.ti)
+    return replace(
+        aim,
+        kp=rounded(float(aim.kp) / UNKNOWN_START_RATIO),
+        ti=rounded(ti * UNKNOWN_START_RATIO) if math.isfinite(ti) else ti,
+    )

@@ -1,0 +1,189 @@
+"""What a model leaves unexplained of a window, read as an error of the model that further settings have to bear.
+
+Model error modelling (Reinelt, Garulli & Ljung 2002): what is left of PV is regressed on OP through a family of
+second-order modes, one at a time. What gain, dead time, lags, or a load's size and onset could have explained is
+taken out before: it belongs to the region of the model's parameters. Residuals are weighed against the noise before
+the event, not against PV's movement.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor.compiled import jit
+from monitor.contract.samples import Array
+from monitor.detect.event import EventWindow
+from tuners.models import INTEGRATING
+
+from .fit import Fit
+from .response import load_response, response
+from .window import op_from_rest
+
+MOST_CELLS = 400
+"""Points of the grid on which residuals are looked at; means over more of them."""
+MOST_FINE_POINTS = 4000
+"""Points of the regular grid through the samples before that: long gaps between close samples are not filled up."""
+LEAST_CELLS = 30
+"""Points below which nothing is told apart."""
+FREQUENCY_COUNT = 36
+LEAST_CYCLES = 1.5
+"""Cycles of the slowest mode in the window."""
+NYQUIST_SHARE = 0.6
+"""Of the fastest mode in the grid's Nyquist frequency."""
+DAMPINGS = np.array([0.02, 0.05, 0.12, 0.3, 0.6])
+"""From a resonance to a lag."""
+SEEN_CHI = 25.0
+"""Power that a mode explains, in variances of the noise, from which it is no chance: 180 modes are tried."""
+ALIKE_SHARE = 1e-6
+"""Share of a mode's power that is left, once the parameters have had their part, below which it is none of its own."""
+LEAST_POWER_SHARE = 1e-14
+"""Least noise that is reckoned with, as a share of PV's power."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ModelError:
+    """The error of a model that a window shows, mode by mode; empty where none is seen."""
+
+    omega: Array
+    """(k,) [rad/s]."""
+    bound: Array
+    """(k,) Size of the error there, one standard deviation added [PV/OP]."""
+    chi: Array
+    """(k,) Power that the mode explains, in variances of the noise."""
+
+
+NOTHING_SEEN = ModelError(np.zeros(0), np.zeros(0), np.zeros(0))
+
+
+def model_error(window: EventWindow, fit: Fit, noise: float) -> ModelError:
+    """Return what a window shows of its model's error, mode by mode.
+
+    For each mode of frequency w and damping zeta (derived): ``z1 = w^2/(s^2 + 2 zeta w s + w^2) u``,
+    ``z2 = w s/(...) u``, exact for held OP, and ``a = (Z'Z)^-1 Z'r`` of the residuals r, all projected. It is seen
+    where ``chi = a'(Z'Z)a/var > 25``, and the process may differ from its model by ``|a|/(2 zeta)`` and one
+    standard deviation of that at w.
+
+    Parameters
+    ----------
+    window
+        The event's window.
+    fit
+        Its own model.
+    noise
+        Standard deviation of PV's noise before the event [PV].
+    """
+    cells = _cells(window, fit)
+    if cells is None:
+        return NOTHING_SEEN
+    n, p = cells.basis.shape
+    fastest = NYQUIST_SHARE * math.pi / cells.step
+    slowest = 2.0 * math.pi * LEAST_CYCLES / (n * cells.step)
+    omega = np.repeat(np.geomspace(slowest, fastest, FREQUENCY_COUNT), len(DAMPINGS))
+    damping = np.tile(DAMPINGS, FREQUENCY_COUNT)
+    modes = _modes(cells.op, cells.step, omega, damping, cells.shift)
+    one, two, b = modes[0::2], modes[1::2], modes @ cells.residual
+    taken = modes @ cells.basis
+    power = np.einsum("ij,ij->i", modes, modes)
+    own = power - np.einsum("ij,ij->i", taken, taken)
+    g11, g22 = own[0::2], own[1::2]
+    g12 = np.einsum("ij,ij->i", one, two) - np.einsum("ij,ij->i", taken[0::2], taken[1::2])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        det = g11 * g22 - g12 * g12
+        a1, a2 = (g22 * b[0::2] - g12 * b[1::2]) / det, (g11 * b[1::2] - g12 * b[0::2]) / det
+        explained = a1 * b[0::2] + a2 * b[1::2]
+        least = noise * noise / cells.each + LEAST_POWER_SHARE * cells.power
+        rest = float(cells.residual @ cells.residual) - explained
+        var = np.maximum(rest / (n - p - 2), least)
+        chi = explained / var
+        bound = (np.hypot(a1, a2) + np.sqrt(var * (g11 + g22) / det / 2.0)) / (2.0 * damping)
+    alone = np.minimum(g11 / power[0::2], g22 / power[1::2]) > ALIKE_SHARE
+    seen = alone & (det > ALIKE_SHARE * g11 * g22) & (chi > SEEN_CHI) & np.isfinite(bound)
+    return ModelError(omega[seen], bound[seen], chi[seen])
+
+
+class _Cells(NamedTuple):
+    """A window on a regular grid."""
+
+    step: float
+    """[s]"""
+    shift: float
+    """Where in a cell its mean of PV lies, as a share of the cell."""
+    each: int
+    """Points of a cell."""
+    op: Array
+    """(n,) mean, from rest [OP]."""
+    residual: Array
+    """(n,) mean, projected [PV]."""
+    basis: Array
+    """(n, p) orthonormal: what parameters explain."""
+    power: float
+    """Mean square of PV's movement [PV^2]."""
+
+
+def _cells(window: EventWindow, fit: Fit) -> _Cells | None:
+    """Lay a window's residuals out on a regular grid; None where it is too short."""
+    load = fit.size is not None and fit.onset is not None
+    t, u = np.ascontiguousarray(window.time), op_from_rest(window, load)
+    kind = 0 if fit.process == INTEGRATING else 1
+    moved = [fit.gain * response(t, u, kind, fit.dead_time, fit.lag, fit.lag2)]
+    if fit.size is not None and fit.onset is not None:
+        times = fit.dead_time, fit.lag, fit.lag2
+        moved.append(fit.size * load_response(t - fit.onset, kind, fit.gain, *times))
+    span = float(t[-1] - t[0])
+    fine = max(float(np.median(np.diff(t))), span / MOST_FINE_POINTS)
+    count = int(span / fine * (1.0 + 1e-9)) + 1
+    each = -(-count // MOST_CELLS)
+    n = count // each
+    if n < LEAST_CELLS:
+        return None
+    at = t[0] + fine * np.arange(n * each)
+    # OP is held from sample to sample, PV is not
+    held = u[np.searchsorted(t, at + 1e-6 * fine, side="right") - 1]
+    residual = window.pv - sum(moved)
+    rows = [np.mean(np.interp(at, t, x).reshape(n, each), axis=1) for x in (residual, *moved)]
+    r, shapes = rows[0], rows[1:]
+    line = np.linspace(-1.0, 1.0, n)
+    parts = [np.ones(n)] + ([line] if kind == 0 else [])
+    for x in shapes:
+        slope = np.gradient(x)
+        parts += [x, slope, np.gradient(slope)]
+    basis = _orthonormal(np.column_stack(parts))
+    r = r - basis @ (basis.T @ r)
+    op = np.ascontiguousarray(np.mean(held.reshape(n, each), axis=1))
+    return _Cells(each * fine, 0.5 * (each - 1) / each, each, op, r, basis, float(np.var(window.pv)))
+
+
+def _orthonormal(columns: Array) -> Array:
+    """Return an orthonormal basis of what the columns span, but for what is rounding."""
+    size = np.sqrt(np.sum(columns**2, axis=0))
+    left, values, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    return np.ascontiguousarray(left[:, values > 1e-7 * values[0]])
+
+
+@jit
+def _modes(u, step, omega, damping, shift):
+    """Response of each mode, and its slope over its frequency, to held input, ``shift`` of a step after each point.
+
+    (2 k, n), the two of a mode one after the other; exact at the points, between them on a line.
+    """
+    n = len(u)
+    out = np.empty((2 * len(omega), n))
+    for k in range(len(omega)):
+        w, zeta = omega[k], damping[k]
+        root = math.sqrt(1.0 - zeta * zeta)
+        decay = math.exp(-zeta * w * step)
+        cos, sin = decay * math.cos(w * root * step), decay * math.sin(w * root * step) / root
+        f11, f12, f22 = cos + zeta * sin, sin, cos - zeta * sin
+        a = b = 0.0
+        for i in range(n):
+            away = a - u[i]
+            a_next = u[i] + f11 * away + f12 * b
+            b_next = f22 * b - f12 * away
+            out[2 * k, i] = a + shift * (a_next - a)
+            out[2 * k + 1, i] = b + shift * (b_next - b)
+            a, b = a_next, b_next
+    return out

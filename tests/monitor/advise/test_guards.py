@@ -1,0 +1,105 @@
+"""What keeps settings back: each guard by the loop that it is for, and what it must let pass."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from monitor.advise.evidence import NO_DOUBT, Evidence
+from monitor.advise.guards import (
+    CROSSOVER_RATIO,
+    LOADS_ALONE,
+    MISFIT,
+    NOT_EXCITED,
+    OTHER_KIND,
+    SOFT_RATIO,
+    Guards,
+    crossovers,
+)
+from monitor.advise.region import uncertain_models
+from monitor.identify.misfit import ModelError
+from tests.monitor.advise.tools import PERIOD, sluggish
+from tests.support.fits import make_fit
+from tuners.models import SELF_REGULATING, IntegratingModel
+from tuners.settings import Settings
+
+
+def guards(evidence: Evidence = NO_DOUBT, **facts: object) -> Guards:
+    return Guards.of(sluggish(**facts), uncertain_models(make_fit(), PERIOD), evidence, PERIOD)
+
+
+def error(omega: float, bound: float) -> ModelError:
+    return ModelError(np.array([omega]), np.array([bound]), np.array([100.0]))
+
+
+@settings(max_examples=40)
+@given(
+    kp=st.floats(0.05, 4.0), ti=st.one_of(st.just(math.inf), st.floats(5.0, 500.0)), lag=st.floats(0.0, 20.0)
+)
+def test_the_crossover_is_where_the_loop_gain_is_one(kp, ti, lag):
+    model = IntegratingModel(np.array([0.05]), np.array([4.0]), np.array([lag]))
+    (found,) = crossovers(model, [Settings(kp, ti)])
+    gain = np.abs(model.frequency_response(found) * Settings(kp, ti).frequency_response(found))
+    assert float(gain[0]) == pytest.approx(1.0, rel=5e-3)
+
+
+def test_a_gain_below_one_has_no_crossover():
+    assert (
+        crossovers(uncertain_models(make_fit(0.5, process=SELF_REGULATING), 0.0), [Settings(1.0)])[0] == 0.0
+    )
+
+
+def test_what_was_not_excited_is_not_known():
+    """Beyond twice today's crossover nothing is said; to take gain away is always allowed, of an unstable loop too."""
+    held = guards()
+    assert held.refused([Settings(0.6 * CROSSOVER_RATIO * 1.1, 200.0)]) == [NOT_EXCITED]
+    assert held.refused([Settings(0.6 * CROSSOVER_RATIO * 0.95, 200.0), Settings(0.1, 300.0)]) == ["", ""]
+    wild = guards(kp=30.0, ti=10.0)
+    assert wild.refused([Settings(1.0, 60.0), Settings(20.0, 30.0)]) == ["", ""]
+
+
+def test_after_loads_alone_less_is_asked_for():
+    held = guards(Evidence(loads_only=True), kp=0.2)
+    lead = Settings(0.2, 200.0, 2.0, 0.2)
+    assert held.refused([Settings(0.45, 300.0), lead, Settings(0.3, 200.0)])[1:] == [LOADS_ALONE, ""]
+    assert held.no_new_lead(lead)
+    assert not guards(Evidence(loads_only=True), td=1.0).no_new_lead(lead)
+    assert not guards().no_new_lead(lead)
+
+
+def test_the_other_kind_of_process_counts():
+    """Settings that are wild on a model that the events allow are refused, unless today's are wilder."""
+    rival = make_fit(2.0, 20.0, 9.0, process=SELF_REGULATING)
+    held = guards(Evidence(rivals=(rival,)))
+    assert held.refused([Settings(1.1, 30.0)]) == [OTHER_KIND]
+    assert held.refused([Settings(0.65, 100.0)]) == [""]
+
+
+def test_an_error_of_the_model_bounds_the_gain():
+    """A resonance above the crossover: as much gain as leaves abs(1 + L) - abs(C) U above a third."""
+    held = guards(Evidence(misfit=error(0.5, 0.6)))
+    many = [Settings(kp, 200.0) for kp in (0.7, 0.9, 1.1)]
+    omega = 0.5
+    for one, why in zip(many, held.refused(many), strict=True):
+        c = one.frequency_response(omega)
+        room = abs(1 + c * held.model.frequency_response(omega)[0]) - abs(c) * 0.6
+        assert (why == MISFIT) == (room < 1 / 3)
+    assert {MISFIT, ""} == set(held.refused(many))
+
+
+def test_what_is_gentler_than_today_is_allowed_whatever_the_error():
+    held = guards(Evidence(misfit=error(0.1, 5.0)))
+    assert held.refused([Settings(0.5, 250.0), Settings(0.7, 200.0)]) == ["", MISFIT]
+
+
+def test_a_soft_step_is_small():
+    misfit = error(0.1, 5.0)
+    small, large = Settings(0.6 * 1.2, 200.0), Settings(0.6 * 1.3, 200.0)
+    lead = Settings(0.6, 200.0, 1.0, 0.1)
+    assert guards(Evidence(misfit=misfit)).soft([small, large, lead]) == [True, False, False]
+    assert guards(Evidence(misfit=misfit, soft_step=False)).soft([small]) == [False]
+    assert pytest.approx(1.25) == SOFT_RATIO

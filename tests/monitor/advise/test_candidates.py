@@ -137,8 +137,8 @@ def test_a_rule_by_name_starts_at_its_own_closed_loop_time(name):
     loop = sluggish(ms_max=4.0, kp=0.4 * float(printed.kp), rule=name, td=td)
     own = given_advice(loop, fit)
     assert own.closed_loop_time == pytest.approx(float(rule.default_time(model_of(fit))))
-    assert float(own.settings.kp) == pytest.approx(float(printed.kp), rel=0.006)
-    assert float(own.settings.td) == pytest.approx(float(printed.td), rel=0.006)
+    assert float(own.aim.kp) == pytest.approx(float(printed.kp), rel=0.006)
+    assert float(own.aim.td) == pytest.approx(float(printed.td), rel=0.006)
     asked_for = msgspec.structs.replace(loop, closed_loop_time=40.0)
     assert given_advice(asked_for, fit).closed_loop_time >= 40.0
 

@@ -53,6 +53,8 @@ ROUNDING_QUANTA = 0.5
 """Nor do residuals of half a step of a coarse PV, whose rounding they are."""
 REPORTED_LOAD_SD = 9.0
 """Standard deviations of the error's short average when quiet that such a load step must reach."""
+LEAST_ANSWER_SHARE = 0.05
+"""Share of a load's size that OP must have answered."""
 LEAST_RESPONSE_PERIODS = 4.0
 """Sample periods that the response must last (IAE per unit of step) before its shape is judged."""
 LEAST_T0_PERIODS = 3.0
@@ -74,13 +76,18 @@ def is_load_step(fit: Fit, event: ClosedEvent) -> bool:
 
 
 def op_moved(fit: Fit, event: ClosedEvent) -> bool:
-    """Whether OP went from one level to another: the load's size stands out of what OP did when quiet."""
+    """Whether OP went from one level to another: the load's size stands out of what OP did when quiet.
+
+    And OP has begun to answer it: what did not move OP says nothing of what OP does.
+    """
     quiet = event.window.op[: max(event.window.before // 2, 2)]
     # a process without any dynamics is the controller seen backwards: noise and slow drift look like that
     dynamic = fit.t0 > 0.5 * event.period
     # an onset at the window's edge lies before it: such a fit knows nothing of the dead time
     dynamic = dynamic and fit.onset is not None and fit.onset > event.window.time[0] + event.period
-    return fit.size is not None and abs(fit.size) > 0.5 * float(np.std(quiet)) and dynamic
+    answered = float(np.max(np.abs(event.window.op - np.mean(quiet))))
+    size = abs(fit.size or 0.0)
+    return dynamic and 0.5 * float(np.std(quiet)) < size < answered / LEAST_ANSWER_SHARE
 
 
 def is_explained(fit: Fit, event: ClosedEvent) -> bool:

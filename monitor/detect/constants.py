@@ -68,6 +68,9 @@ TIMEOUT_PERIODS = 10_000
 """Periods after which an event is given up."""
 MOST_HALF_WAVES = 40
 """Half waves after which an oscillating event is given up: at a damping of 0.05 twenty waves leave 0.2 %."""
+STILL_SETPOINT_SHARE, STILL_LOAD_SHARE = 1e-4, 1e-3
+"""Least half width of the band in which the short average comes to rest, as a share of the event's size: without noise
+nothing else ends it. The integrals of a set-point step want all of it, a load's long tail only thins its window."""
 STILLER_SD = 1.5
 """Standard deviations of the short average within which a loop comes to rest after an event that show it to be far
 quieter than was thought (the range over a minute is 4 to 5): what was known came from the transient before."""

@@ -27,6 +27,8 @@ from .constants import (
     RAMP_REST_PERIODS,
     SP_MISSING_SAMPLES,
     SPIKE_SD,
+    STILL_LOAD_SHARE,
+    STILL_SETPOINT_SHARE,
     STILLER_SD,
     SUSPECTED_LOAD_QUANTA,
     SUSPECTED_LOAD_SD,
@@ -160,7 +162,8 @@ def has_settled(s, time, dt, e):
     # the band of the short average when quiet; where that is not well known, 2 % of the step or white noise's
     band = min(6.0 * np.sqrt(noise.now.var_s), max(0.02 * size, 2.0 * s.event.noise))
     # a transmitter toggles between its last bits
-    band = max(band, 0.5 * min(noise.quantum, size), min(1.5 * noise.quantum, 0.1 * size), 1e-4 * size)
+    still = STILL_LOAD_SHARE if s.event.kind == LOAD_STEP else STILL_SETPOINT_SHARE
+    band = max(band, 0.5 * min(noise.quantum, size), min(1.5 * noise.quantum, 0.1 * size), still * size)
     settling.low, settling.high = min(settling.low, short), max(settling.high, short)
     settling.sum_e += e * dt
     settling.sum_t += dt

@@ -89,8 +89,9 @@ def fit_window(
     """
     if len(window) < LEAST_POINTS:
         return None
-    w = search_window(window, process, load, period)
-    found = _explain(w, compared, rival) if w.shows else None
+    two_lags = compared or process != INTEGRATING
+    w = search_window(window, process, load, period, two_lags)
+    found = _explain(w, two_lags, rival) if w.shows else None
     if found is None:
         return None
     best, p = found.best, found.best.p
@@ -137,10 +138,9 @@ class _Found:
     """Independent points, of which that likelihood is."""
 
 
-def _explain(w: SearchWindow, compared: bool, rival: Fit | None) -> _Found | None:
+def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None) -> _Found | None:
     """Find the model of a window and its reach; None where OP explains nothing of PV."""
-    second = compared or w.kind % 2 == 1
-    best, single = search(w.blocks, second)
+    best, single = search(w.blocks, two_lags)
     rest = np.empty(len(w.blocks.at))
     gain, _, rss = evaluate(w.blocks, best, rest)
     if not math.isfinite(rss) or not math.isfinite(gain) or gain == 0.0:

@@ -15,6 +15,8 @@ from .projection import MOST_SHARE, P_DEAD_TIME, P_LAG, P_ONSET, P_SHARE, Column
 
 DEAD_TIME_NODES = 6
 """Dead times, from that of the best single lag down to nothing, from which the best model is looked for."""
+POORLY_EXPLAINED_SHARE = 0.02
+"""Share of PV's power that the best single lag may leave before it is looked for once more, on a finer grid."""
 MOST_DESCENT_STEPS = 30
 """Most steps of a descent (Levenberg-Marquardt)."""
 
@@ -57,7 +59,7 @@ def _normal(w, p, r, free, weight, a, b, which):
     m = 0
     for c in range(k):
         f = free[c]
-        h = 1e-3 if f == P_SHARE else 1e-3 * scale
+        h = 1e-5 if f == P_SHARE else 1e-5 * scale
         if p[f] + h > high[f]:
             h = -h
         q[f] = p[f] + h
@@ -128,20 +130,23 @@ def descend(w, start, free, weight, steps, close):
 
 
 @jit
-def _coarse(w):
-    """Best parameters of a model with one lag on a coarse grid."""
+def _coarse(w, step, many):
+    """Best parameters of a model with one lag on a coarse grid of ``many`` dead times and lags from ``step`` [s] on."""
     at, high = w.at, w.high
     r = np.empty(len(at))
-    step = (at[-1] - at[0]) / len(at)
-    many, onsets = (6, 6) if w.kind >= 2 else (10, 1)
+    onsets, starts = (6, 3) if w.kind >= 2 else (1, 0)
     best, least = np.array([0.0, step, 0.0, 0.0]), np.inf
     p = best.copy()
     for a in range(many):
         p[P_DEAD_TIME] = 0.0 if a == 0 else step * (0.5 * w.since[-1] / step) ** ((a - 1) / (many - 1))
         for b in range(many):
             p[P_LAG] = 0.0 if b == 0 else step * (high[P_DEAD_TIME] / step) ** ((b - 1) / (many - 1))
-            for c in range(onsets):
-                if w.kind >= 2:  # far back and, ever more closely, shortly before it was noticed
+            for c in range(onsets + starts):
+                if (
+                    c >= onsets
+                ):  # so that PV begins to answer where it was noticed, without noise, or a little before
+                    p[P_ONSET] = max(-p[P_DEAD_TIME] - 2.0 * step * (c - onsets), at[0])
+                elif w.kind >= 2:  # far back and, ever more closely, shortly before it was noticed
                     p[P_ONSET] = -2.0 * step * (-at[0] / (2.0 * step)) ** (c / (onsets - 1))
                 rss = evaluate(w, p, r)[2]
                 if rss < least:
@@ -182,8 +187,16 @@ def search(w, second):
     thin = max(len(at) // 100, 1)
     few = at[::thin].copy()
     pv = project(w.pv[::thin].copy(), few, w.kind)
-    p = _coarse(Columns(few, w.since, w.held, pv, w.kind, w.high))
+    thinned = Columns(few, w.since, w.held, pv, w.kind, w.high)
+    many = 6 if with_onset else 10
+    p = _coarse(thinned, (few[-1] - few[0]) / len(few), many)
     p, _, _, least, _ = descend(w, p, single, 0.0, 20, 1e-5)
+    if least > POORLY_EXPLAINED_SHARE * np.sum(w.pv * w.pv):
+        # a false minimum? all may have happened within a few points of a long window
+        q = _coarse(thinned, (at[-1] - at[0]) / len(at) / 4.0, 2 * many)
+        q, _, _, rss, _ = descend(w, q, single, 0.0, 20, 1e-5)
+        if rss < least:
+            p, least = q, rss
     single_lag = p.copy()
     t0 = p[P_LAG] + p[P_DEAD_TIME]
     for share in (0.25, 0.5):

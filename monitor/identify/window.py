@@ -23,6 +23,8 @@ from .projection import (
     project,
 )
 
+NOISE_FREE_SHARE = 2e-3
+"""Standard deviation of PV's second differences when quiet, as a share of PV's in the event, that is no noise."""
 SINGLE, BESIDE, EVERY = ((P_DEAD_TIME, P_LAG), (P_LAG, P_SHARE), (P_DEAD_TIME, P_LAG, P_SHARE))
 """Parameters that are searched for: with one lag, at a given dead time, all; for a load the onset too."""
 
@@ -34,7 +36,7 @@ class SearchWindow:
     points: Columns
     """All points."""
     blocks: Columns
-    """Means over blocks, in which a long window is searched."""
+    """Means over blocks, in which a long window is searched; without noise some of its points."""
     pv: Array
     """(n,) as it was measured [PV]."""
     period: float | None
@@ -60,7 +62,9 @@ class SearchWindow:
         return np.array(names + ((P_ONSET,) if self.kind >= 2 else ()))
 
 
-def search_window(window: EventWindow, process: str, load: bool, period: float | None) -> SearchWindow:
+def search_window(
+    window: EventWindow, process: str, load: bool, period: float | None, two_lags: bool = False
+) -> SearchWindow:
     """Lay out an event's window for the searches.
 
     Parameters
@@ -71,16 +75,29 @@ def search_window(window: EventWindow, process: str, load: bool, period: float |
         A load stepped.
     period
         Sample period, if known [s].
+    two_lags
+        A second lag is looked for: where there is no noise, what blocks blur passes for it.
     """
     kind = (0 if process == INTEGRATING else 1) + (2 if load else 0)
     t, u, y = (np.ascontiguousarray(x) for x in (window.time, op_from_rest(window, load), window.pv))
-    at, mean, since, held = blocks(t, u, y, MOST_POINTS)
-    return SearchWindow(
-        Columns(t, t, u, project(y.copy(), t, kind), kind, bounds(t, kind)),
-        Columns(at, since, held, project(mean, at, kind), kind, bounds(since, kind)),
-        y,
-        period,
-    )
+    points = Columns(t, t, u, project(y.copy(), t, kind), kind, bounds(t, kind))
+    if two_lags and _noise_free(window):
+        size = (len(t) + MOST_POINTS - 1) // MOST_POINTS
+        at = t[::size].copy()
+        few = points._replace(at=at, pv=project(y[::size].copy(), at, kind))
+    else:
+        at, mean, since, held = blocks(t, u, y, MOST_POINTS)
+        few = Columns(at, since, held, project(mean, at, kind), kind, bounds(since, kind))
+    return SearchWindow(points, few, y, period)
+
+
+def _noise_free(window: EventWindow) -> bool:
+    """Whether PV's noise before the event, by its second differences, is so small that no mean of it is needed.
+
+    Means blur OP and PV; without noise that is all that a model leaves over.
+    """
+    quiet = window.pv[: max(window.before // 2, 3)]
+    return float(np.std(np.diff(quiet, 2))) <= NOISE_FREE_SHARE * float(np.std(window.pv))
 
 
 def op_from_rest(window: EventWindow, load: bool) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor.assess.evidence import is_explained
+from monitor.assess.evidence import is_explained, op_moved
 from monitor.contract.records import INCONCLUSIVE
 from monitor.detect.event import LOAD_STEP, SETPOINT_STEP
 from tests.monitor.assess.tools import assessed
@@ -52,6 +52,16 @@ def test_evidence_that_cannot_carry_a_verdict(change, facts, word):
     assert word in found.reason
     assert seen.suggestions == []
     assert engine.row(0).new_kp is None
+
+
+@pytest.mark.parametrize(("size", "moved"), [(3.0, True), (15.0, True), (0.01, False), (200.0, False)])
+def test_a_load_of_which_op_has_answered_nothing_is_no_event(size, moved):
+    """OP goes by 2 from a noise of 0.1: a load within 20 times of that, and above the noise, may be its cause."""
+    event = closed_event()
+    op = np.random.default_rng(0).normal(0.0, 0.1, len(event.window)) - 2.0 * (event.window.time > 0.0)
+    event = replace(event, window=replace(event.window, op=op))
+    fit = replace(make_fit(), size=size, onset=float(event.window.time[0]) + 2.0 * event.period)
+    assert op_moved(fit, event) == moved
 
 
 @pytest.mark.parametrize(

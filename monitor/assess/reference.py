@@ -44,9 +44,7 @@ def with_hold_delay(model: Model, period: float) -> Model:
 
 def settings_of(loop: Loop) -> Settings | None:
     """Return the loop's current settings in canonical form and units, None where they are not known."""
-    if loop.kp is None:
-        return None
-    return Settings(loop.kp, loop.ti, loop.td, loop.filter_time, loop.canonical_form, loop.b, loop.c)
+    return loop.settings
 
 
 def reference_structure(loop: Loop) -> str:

@@ -10,7 +10,7 @@ import msgspec
 
 from tuners.blocks import BLOCKS
 from tuners.models import INTEGRATING, SELF_REGULATING
-from tuners.settings import FORMS
+from tuners.settings import FORMS, Settings
 
 MOST_NAME_BYTES = 200
 PROCESSES = ("auto", INTEGRATING, SELF_REGULATING)
@@ -86,6 +86,13 @@ class Loop(msgspec.Struct, frozen=True, kw_only=True):
     def filter_time(self) -> float:
         """Derivative filter time [s]: as given, else td/10."""
         return (self.td / 10 if self.tf is None else self.tf) if self.td > 0 else 0.0
+
+    @property
+    def settings(self) -> Settings | None:
+        """Today's settings, canonical units, in the form of the block; None where they are not known."""
+        if self.kp is None:
+            return None
+        return Settings(self.kp, self.ti, self.td, self.filter_time, self.canonical_form, self.b, self.c)
 
     @property
     def op_span(self) -> float | None:

@@ -49,7 +49,7 @@ class Kind:
     @property
     def right(self) -> bool:
         """Whether an accusation of the table would be false."""
-        return not self.table and self.block in {"", "feed-forward", "late"}
+        return not self.table and self.block in {"", "feed-forward", "late", "i-pd", "pi-d", "p"}
 
 
 def _kinds() -> list[Kind]:
@@ -131,13 +131,25 @@ def _kinds() -> list[Kind]:
         Kind("proportional-band", TABLE, table="band", word="band"),
         Kind("error-squared", TABLE, block="squared", word="squared linear"),
         Kind("gap-action", TABLE, block="gap", word="gap linear"),
+        Kind(
+            "i-pd-said-pid",
+            TABLE,
+            event=SETPOINT,
+            block="i-pd",
+            table="weights",
+            word="measurement weight i-pd set-point",
+        ),
         Kind("no-table", TABLE, table="none"),
+        Kind("no-table-noise-3pct", TABLE, table="none", noise=0.03),
     ]
     rights = [
         Kind("base", RIGHT),
         Kind("base-integrating", RIGHT, shape="integrating"),
         Kind("base-self-regulating", RIGHT, shape="self_regulating"),
         Kind("base-noise-free", RIGHT, noise=0.0),
+        Kind("i-pd", RIGHT, block="i-pd"),
+        Kind("pi-d", RIGHT, shape="integrating", block="pi-d"),
+        Kind("p-only", RIGHT, shape="integrating", event=SETPOINT, block="p"),
     ]
     return [*rights, *shapes, *loads, *valves, *recordings, *tables]
 
@@ -204,7 +216,7 @@ def draw(kind: Kind, number: int, seed: int) -> Drawn:
 def _loop(rng: Rng, kind: Kind, number: int, event: str) -> Drawn:
     dead = log(rng, 1.0, 100.0)
     period = round(dead / log(rng, 3.0, 20.0), 3)
-    gain = log(rng, 1e-4, 1.0) * rng.choice([-1, 1])
+    gain = log(rng, 1e-4, 1.0) * float(rng.choice([-1, 1]))
     every, scan = SUBSTEPS, SUBSTEPS
     if kind.block == "slow-scan":
         every, scan = 2, 2 * int(rng.integers(3, 11))
@@ -213,7 +225,10 @@ def _loop(rng: Rng, kind: Kind, number: int, event: str) -> Drawn:
     step = period / every
     dead = round(dead / step) * step
     plant = SHAPES[kind.shape](rng, dead, gain)
+    weight = {"i-pd": (0.0, 0.0), "pi-d": (1.0, 0.0)}.get(kind.block, (1.0, 1.0))
     blocked = {
+        "b": weight[0],
+        "c": weight[1],
         "filter": dead * log(rng, 0.3, 5.0) if kind.block == "filter" else 0.0,
         "late": int(kind.block == "late"),
     }
@@ -224,7 +239,7 @@ def _loop(rng: Rng, kind: Kind, number: int, event: str) -> Drawn:
     name = f"{kind.name}-{number}"
     table = Loop(
         name=name, process=said, form=law.form, kp=law.kp, ti=law.ti, td=law.td, b=law.b, c=law.c,
-        controller="pid" if law.td > 0 or rng.random() < 0.3 else "pi",
+        controller="" if kind.block == "p" else "pid" if law.td > 0 or rng.random() < 0.3 else "pi",
     )  # fmt: skip
     drawn = Drawn(kind, number, event, rig, law, table, scan / every, every)
     drawn.pv0, drawn.op0 = float(rng.uniform(-100, 100)), float(rng.uniform(30, 70))
@@ -251,6 +266,8 @@ def settings(rng: Rng, plant: Plant, wait: float, kind: Kind) -> Law:
     if td and form != "series":
         factor = 1 + td / ti
         kp, ti, td = kp * factor, ti * factor, td / factor
+    if kind.block == "p":
+        ti = math.inf
     three = [float(f"{x:.3g}") for x in (kp, ti, td)]
     return Law(*three, three[2] / 10, form)
 
@@ -307,31 +324,28 @@ def _valve(rng: Rng, drawn: Drawn, moved: float, deviation: float) -> Valve:
 
 def wrong(rng: Rng, drawn: Drawn, deviation: float) -> Loop:
     """Return the table as the kind makes it wrong."""
-    table, what = drawn.table, drawn.kind.table
-    kp, ti = drawn.law.kp, drawn.law.ti
-    change: dict[str, Any] = {}
-    if what == "minutes":
-        change = {"ti": ti / 60}
-    elif what == "repeats":
-        change = {"ti": 60 / ti}
-    elif what in {"kp-small", "kp-large"}:
-        change = {"kp": kp * log(rng, 3.0, 10.0) ** (1 if what == "kp-large" else -1)}
-    elif what == "percent":
-        span = 100 * log(rng, 2.0, 20.0) ** rng.choice([-1, 1])
-        span = max(span, 2 * deviation)
-        change = {"kp": kp * span / 100, "pv_low": drawn.pv0 - span / 2, "pv_high": drawn.pv0 + span / 2}
-        change |= {"op_low": 0.0, "op_high": 100.0}
-    elif what == "sign":
-        change = {"kp": -kp}
-    elif what == "series":
-        change = {"form": "standard"}
-    elif what == "ti-2.5":
-        change = {"ti": ti / 2.5}
-    elif what == "band":
-        change = {"kp": math.copysign(100 / abs(kp), kp)}
-    elif what == "none":
-        change = {"kp": None, "ti": math.inf, "td": 0.0, "controller": ""}
-    return changed(table, **change)
+    kp, ti, off = drawn.law.kp, drawn.law.ti, log(rng, 3.0, 10.0)
+    span = max(100 * log(rng, 2.0, 20.0) ** rng.choice([-1, 1]), 2 * deviation)
+    ranges = {
+        "pv_low": drawn.pv0 - span / 2,
+        "pv_high": drawn.pv0 + span / 2,
+        "op_low": 0.0,
+        "op_high": 100.0,
+    }
+    changes: dict[str, dict[str, Any]] = {
+        "minutes": {"ti": ti / 60},
+        "repeats": {"ti": 60 / ti},
+        "kp-small": {"kp": kp / off},
+        "kp-large": {"kp": kp * off},
+        "percent": {"kp": kp * span / 100} | ranges,
+        "sign": {"kp": -kp},
+        "series": {"form": "standard"},
+        "ti-2.5": {"ti": ti / 2.5},
+        "band": {"kp": math.copysign(100 / abs(kp), kp)},
+        "weights": {"b": 1.0, "c": 1.0},
+        "none": {"kp": None, "ti": math.inf, "td": 0.0, "controller": ""},
+    }
+    return changed(drawn.table, **changes.get(drawn.kind.table, {}))
 
 
 def changed(loop: Loop, **change: Any) -> Loop:

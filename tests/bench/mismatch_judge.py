@@ -145,6 +145,8 @@ def judge(kind: Kind, number: int, seed: int, campaign: int = 1) -> Outcome:
         out.samples += len(samples)
         if row.new_kp is not None:
             _try(out, drawn, rig, engine, stage, row)
+        if out.told and out.told[-1].unstable:
+            break  # nobody goes on from there
     out.cost = spent / judged if judged else math.nan
     out.cured = _cured(out, -1, rig)
     out.cured_first = _cured(out, 0, rig)
@@ -182,7 +184,7 @@ def _try(out: Outcome, drawn: Drawn, rig: Rig, engine: Engine, stage: int, row: 
         told.ci_after = indices(drawn, law)
     out.told.append(told)
     if told.unstable:
-        return  # nobody leaves that in
+        return
     rig.type_in(law)
     drawn.law = law
     table = engine.loops[0]
@@ -194,7 +196,8 @@ def _cured(out: Outcome, which: int, rig: Rig) -> bool:
     if not out.told or not rig.plant.half_rule:
         return False
     told = out.told[which]
-    good = bool(told.ci_after) and min(told.ci_after.values()) >= CURED_CI
+    known = [ci for ci in told.ci_after.values() if not math.isnan(ci)]  # a load leaves an offset to P alone
+    good = bool(known) and min(known) >= CURED_CI
     return good and told.ms_after <= CURED_MS
 
 

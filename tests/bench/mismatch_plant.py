@@ -191,7 +191,7 @@ def sampled(plant: Plant, omega: Floats, scan: float) -> NDArray[np.complex128]:
 def grid(plant: Plant, law: Law, scan: float) -> Floats:
     """Frequencies from far below everything to the controller's Nyquist frequency, dense where a plant swings."""
     top = math.pi / scan
-    low = 0.003 * min(1 / law.ti, plant.slowest, 1 / (plant.theta + scan), top)
+    low = 0.003 * min(1 / law.ti or math.inf, plant.slowest, 1 / (plant.theta + scan), top)
     parts = [np.geomspace(low, top, 1200), np.linspace(0.02 * top, top, 600)]
     parts += [w * np.linspace(0.8, 1.2, 400) for w in plant.swings]
     omega = np.unique(np.concatenate(parts))

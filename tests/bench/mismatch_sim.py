@@ -65,7 +65,8 @@ class Rig:
         return copy.deepcopy(self)
 
     def type_in(self, law: Law) -> None:
-        """Take new settings; at rest, without an error, that is without a bump."""
+        """Take new settings at rest, without a bump (the filtered PV stands where the set point does)."""
+        self.memory[4] += (self.law.kp - law.kp) * (law.b - 1) * self.memory[1]
         self.law = law
 
     def run(

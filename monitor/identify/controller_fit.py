@@ -1,0 +1,207 @@
+"""Gains of a controller's law by regression, with what can be said of their uncertainty."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor.contract.samples import Array
+
+from .controller_law import (
+    INTEGRAL,
+    OP,
+    START,
+    WALK_SHARES,
+    D,
+    P,
+    columns,
+    left_by_known,
+    products,
+    scores,
+    search,
+    solved,
+    whitened,
+)
+from .controller_rows import Rows
+
+JUMP_SD = 8.0
+"""Robust standard deviations of OP's innovations from which one is a jump: a feed-forward, an operator's hand."""
+MOST_JUMPS_SHARE = 0.03
+"""Share of the rows that may be jumps; of more, the law is wrong."""
+MOST_LATE_ROWS, LEAST_LATE_ROWS = 12, -3
+"""Rows by which OP is looked for later, and earlier, than what it answers to."""
+LONGEST_FILTER_SHARE = 0.125
+"""Longest PV filter that is looked for, as a share of the rows' time."""
+Z95 = 1.96
+EXACT_SHARE = 2e-3
+"""Share of the law's own movement (standard deviations) below which what is left of OP is nothing."""
+
+THINNED_SHARE = 1e-2
+"""The same for a thinned window, in which PV between the rows is not known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """Settings of the table, in the standard form."""
+
+    kp: float
+    ki: float
+    kd: float
+    tf: float
+    b: float
+    c: float
+
+    @property
+    def gains(self) -> Array:
+        """As the columns have them."""
+        return np.array([self.kp, self.ki, self.kd, 0.0])
+
+    @property
+    def active(self) -> NDArray[np.int64]:
+        """Columns of a free fit of the same structure."""
+        return np.array([P] + [INTEGRAL] * (self.ki != 0) + [D] * (self.kd != 0) + [START])
+
+    def law(self, rows: Rows, present: float = 1.0) -> tuple[float, float, float, float, float]:
+        """As the columns take it."""
+        return self.tf, self.b, self.c, present, rows.middle
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Place:
+    """A PV filter and a delay, with what the gains leave of OP there."""
+
+    filter_time: float
+    """[s]"""
+    late: float
+    """Rows."""
+    squares: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Estimate:
+    """Gains with their uncertainty, at a filter and a delay."""
+
+    gains: Array
+    """(4,)"""
+    sd: Array
+    """(3,) Standard deviations of kp, ki, kd."""
+    noise_ratio: Array
+    """(3,) How many times larger a gain may be if all that is left of OP is noise of PV that the controller did not
+    see: the gain of the reverse regression over the direct one (Frisch 1934)."""
+    correlation: float
+    """Of kp and ki."""
+    place: Place
+    rows: int
+
+    def ends(self, which: int, z: float) -> tuple[float, float]:
+        """Return the interval of a gain, ``z`` standard deviations wide on either side, and beyond zero's far side."""
+        value, half = float(self.gains[which]), z * float(self.sd[which])
+        away = math.copysign(1.0, value)
+        near = value - away * half
+        far = value * float(self.noise_ratio[which]) + away * half
+        return min(near, far), max(near, far)
+
+
+def walk_share(rows: Rows, law: tuple[float, ...], active: NDArray[np.int64], gains: Array) -> float:
+    """Return the likeliest share of a walk in what OP holds beside the law; gains NaN = free."""
+    x = columns(rows.time, rows.sp, rows.pv, law, 0.0, 0)
+    best, out = math.inf, 1.0
+    for walk in WALK_SHARES:
+        white, log_f, n = whitened(x, rows.op, rows.use, rows.fresh, walk)
+        m = products(white)
+        s = solved(m, active)[1] if math.isnan(gains[0]) else left_by_known(m, gains)
+        s = max(s, 1e-24 * m[OP, OP])
+        if n > 0 and n * math.log(s / n) + log_f < best and s > 0:
+            best, out = n * math.log(s / n) + log_f, walk
+    return out
+
+
+def jumps(innovations: Array, use: NDArray[np.bool_], floor: float) -> NDArray[np.intp]:
+    """Return the rows at which OP jumped, by what is left of its innovations; none where they are many."""
+    size = np.abs(innovations)
+    told = size[use]
+    sd = 1.4826 * float(np.median(told)) if len(told) else 0.0
+    at = np.flatnonzero(use & (size > max(JUMP_SD * sd, floor)))
+    return at if len(at) <= max(MOST_JUMPS_SHARE * len(told), 2) else at[:0]
+
+
+def trimmed(rows: Rows, law: tuple[float, ...], active: NDArray[np.int64], floor: float) -> Rows:
+    """Return the rows with the constant free anew at each jump of OP that the free law does not explain.
+
+    Moves from row to row are looked at. The largest jumps go first: they bend the law with which the others are seen.
+    """
+    x = columns(rows.time, rows.sp, rows.pv, law, 0.0, 0)
+    every, _, _ = whitened(x, rows.op, rows.use, rows.fresh, 1.0)
+    kept = every
+    at = np.zeros(0, np.intp)
+    for part in (0.5, 0.25, 0.1, 0.0, 0.0, 0.0):
+        gains, _ = solved(products(kept), active)
+        rest = every[:, OP] - every[:, :OP] @ gains
+        at = jumps(rest, rows.use, max(floor, part * float(np.max(np.abs(rest)))))
+        kept = every.copy()
+        kept[at] = 0.0
+    return rows.restarted(at) if len(at) else rows
+
+
+def placed(rows: Rows, known: Known, gains: Array, walk: float) -> Place:
+    """Search PV filter and delay at which known gains (NaN: free ones) explain OP best."""
+    span = float(rows.time[-1] - rows.time[0])
+    most = min(MOST_LATE_ROWS, max(rows.before - 2, 0), len(rows) // 8)
+    least = max(LEAST_LATE_ROWS, -(len(rows) // 8))
+    use = rows.use.copy()
+    use[:most] = False
+    use[len(use) + least :] = False
+    limits = (rows.period, LONGEST_FILTER_SHARE * span, float(least), float(most))
+    columns_of = (rows.time, rows.sp, rows.pv, rows.op, use, rows.fresh)
+    t, d, s = search(columns_of, known.law(rows), known.active, gains, walk, limits)
+    return Place(float(t), float(d), float(s))
+
+
+def left_at(rows: Rows, known: Known, gains: Array, walk: float, place: Place) -> float:
+    """Return the sum of squares at a place, of all rows that have their answer."""
+    m = products(_white(rows, known, walk, place)[0])
+    return float(solved(m, known.active)[1] if math.isnan(gains[0]) else left_by_known(m, gains))
+
+
+def estimate(rows: Rows, known: Known, walk: float, place: Place) -> Estimate:
+    """Fit the gains of the known structure at a place."""
+    white, n = _white(rows, known, walk, place)
+    m = products(white)
+    active = known.active
+    gains, s = solved(m, active)
+    scale = np.sqrt(np.maximum(np.diag(m)[active], 1e-300))
+    scaled = m[np.ix_(active, active)] / np.outer(scale, scale) + 1e-11 * np.eye(len(active))
+    inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
+    reach = int(min(4 + n ** (1 / 3), n // 4))
+    robust = inverse @ scores(white, gains, active, reach) @ inverse
+    plain = s / max(n - len(active), 1) * inverse
+    variance = np.maximum(np.diag(robust), np.diag(plain))
+    sd, ratio = np.full(3, 0.0), np.ones(3)
+    for k, column in enumerate(active):
+        if column == START:
+            continue
+        sd[column] = math.sqrt(max(float(variance[k]), 0.0))
+        own = float(gains[column]) ** 2 / float(inverse[k, k])  # what this column alone explains
+        ratio[column] = 1.0 + s / own if own > 0 else math.inf
+    rho = float(plain[0, 1] / math.sqrt(plain[0, 0] * plain[1, 1])) if INTEGRAL in active and s > 0 else 0.0
+    return Estimate(gains, sd, ratio, rho, Place(place.filter_time, place.late, float(s)), n)
+
+
+def explained(rows: Rows, known: Known, gains: Array, place: Place, walk: float) -> float:
+    """Return the share of OP that known gains explain: of levels (walk 0) or of moves from row to row (walk 1)."""
+    m = products(_white(rows, known, walk, place)[0])
+    allowed = rows.quantum**2 / (6.0 if walk == 1.0 else 12.0) * np.count_nonzero(rows.use)
+    return float(1.0 - max(left_by_known(m, gains) - allowed, 0.0) / m[OP, OP]) if m[OP, OP] > 0 else 0.0
+
+
+def _white(rows: Rows, known: Known, walk: float, place: Place) -> tuple[Array, int]:
+    late = int(place.late)
+    use = rows.use.copy()
+    use[: max(late, 0)] = False
+    use[len(use) + min(late, 0) :] = False
+    x = columns(rows.time, rows.sp, rows.pv, known.law(rows), place.filter_time, late)
+    white, _, n = whitened(x, rows.op, use, rows.fresh, walk)
+    return white, int(n)

@@ -1,0 +1,167 @@
+"""An event's window laid out for the search for its controller: which rows tell something of its law."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor.contract.loops import Loop
+from monitor.contract.samples import Array
+from monitor.detect.event import EventWindow
+
+LEAST_ROWS = 24
+"""Rows below which nothing is said of a controller."""
+WIDE_PERIODS = 1.5
+"""Periods from one row to the next from which a sample is missing between them: the integral has a gap."""
+RESTS_ROWS = 3
+"""Rows for which OP must stay at its extreme, to the last digit, to be at a limit."""
+SAME_STEP_SHARE = 0.9
+"""Share of OP's moves that must be whole multiples of the least one for OP to be rounded."""
+LEAST_MOVES = 8
+"""Moves of OP from which its pattern tells how often the controller runs."""
+MOST_SCAN_ROWS = 64
+"""Rows between two runs of a controller that are looked for."""
+OFF_SCAN_SHARE = 0.02
+"""Share of OP's moves that may come beside the controller's own pace."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Rows:
+    """Samples at full rate, or those at which the controller ran."""
+
+    time: Array
+    sp: Array
+    pv: Array
+    op: Array
+    use: NDArray[np.bool_]
+    """OP follows the law here: it is not at a limit."""
+    fresh: NDArray[np.bool_]
+    """OP may hold another constant from here on."""
+    period: float
+    """Of the rows [s]."""
+    quantum: float
+    """Least step of OP, 0 where it is not rounded [OP]."""
+    before: int
+    """Rows before the onset."""
+    scan: int = 1
+    """Rows from one run of the controller to the next, as OP's moves show it."""
+    phase: int = 0
+    """The first row at which it ran."""
+    stride: int = 1
+    """Samples to a row of a thinned window, whose OP is their mean."""
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def middle(self) -> float:
+        """How far, in rows, the middle of what OP is a mean of lies behind its row."""
+        return 0.5 * (self.stride - 1) / self.stride
+
+    def restarted(self, at: NDArray[np.intp]) -> Rows:
+        """Return the rows with a free constant at these too."""
+        fresh = self.fresh.copy()
+        fresh[at] = True
+        return replace(self, fresh=fresh)
+
+    def at_scans(self) -> Rows:
+        """Return the rows at which the controller ran."""
+        first, step = self.phase, self.scan
+        kept = slice(first, None, step)
+        gaps = np.add.reduceat(self.fresh[first:], np.arange(0, len(self) - first, step)) > 0
+        return replace(
+            self,
+            time=self.time[kept],
+            sp=self.sp[kept],
+            pv=self.pv[kept],
+            op=self.op[kept],
+            use=self.use[kept],
+            fresh=np.asarray(gaps, bool),
+            period=step * self.period,
+            before=max((self.before - first) // step, 0),
+            scan=1,
+            phase=0,
+        )
+
+
+def lay_out(window: EventWindow, period: float, loop: Loop) -> Rows | None:
+    """Return the window's rows at full rate; None where there are too few, or OP does not move.
+
+    Parameters
+    ----------
+    period
+        Of the samples [s].
+    """
+    if not period > 0 or len(window) < LEAST_ROWS:
+        return None
+    steps = np.diff(window.time)
+    wide = np.flatnonzero(steps > 3.0 * np.median(steps))
+    # the far past of a load step is kept in coarse points
+    first = int(wide[-1]) + 1 if len(wide) and wide[-1] < len(window) // 2 else 0
+    first = first if first < window.before else 0
+    time, sp, pv, op = (
+        np.ascontiguousarray(c[first:]) for c in (window.time, window.sp, window.pv, window.op)
+    )
+    if len(time) < LEAST_ROWS:
+        return None
+    own = float(np.median(np.diff(time)))
+    stride = max(round(own / period), 1)
+    moves = np.abs(np.diff(op))
+    if np.count_nonzero(moves) < LEAST_MOVES:
+        return None
+    quantum = _quantum(moves)
+    fresh = np.concatenate([[True], np.diff(time) > WIDE_PERIODS * own])
+    scan, phase = scan_rows(op) if stride == 1 else (1, 0)
+    use = ~_at_limit(op, sp - pv, loop, quantum, scan)
+    use[-1] &= stride == 1  # the last mean may not be whole
+    rows = Rows(time, sp, pv, op, use, fresh, own, quantum, window.before - first, scan, phase, stride)
+    return rows if np.count_nonzero(use) >= LEAST_ROWS else None
+
+
+def scan_rows(op: Array) -> tuple[int, int]:
+    """Return how many rows pass from one run of the controller to the next, and the first row at which it ran."""
+    at = np.flatnonzero(np.diff(op)) + 1
+    if len(at) < LEAST_MOVES:
+        return 1, 0
+    gaps = np.diff(at)
+    # a rounded OP rests between its moves, too, but keeps no time
+    for step in range(min(int(np.quantile(gaps, 0.1)), MOST_SCAN_ROWS), 1, -1):
+        phases = np.bincount(at % step, minlength=step)
+        best = int(np.argmax(phases))
+        if len(at) - phases[best] <= OFF_SCAN_SHARE * len(at):
+            return step, best
+    return 1, 0
+
+
+def _quantum(moves: Array) -> float:
+    """Return the least step of which OP's moves are whole multiples; 0 where they are not [OP]."""
+    moved = moves[moves > 0]
+    least = float(np.min(moved))
+    if least < 1e-9 * float(np.max(moved)):
+        return 0.0
+    multiples = moved / least
+    whole = np.abs(multiples - np.round(multiples)) < 0.02
+    few = np.count_nonzero(multiples < 20.0) >= 0.5 * len(moved)  # of large ones any is nearly whole
+    return least if few and np.mean(whole) >= SAME_STEP_SHARE else 0.0
+
+
+def _at_limit(op: Array, e: Array, loop: Loop, quantum: float, scan: int) -> NDArray[np.bool_]:
+    """Where OP lies at a limit of the table, or rests at an extreme of its own while the error moves."""
+    out = np.zeros(len(op), bool)
+    slack = 0.5 * quantum
+    if loop.op_low is not None:
+        out |= op <= loop.op_low + slack
+    if loop.op_high is not None:
+        out |= op >= loop.op_high - slack
+    scale = float(np.ptp(op)) / max(float(np.ptp(e)), 1e-300)
+    least_move = max(4.0 * quantum, 1e-3 * float(np.ptp(op))) / max(scale, 1e-300)
+    for extreme in (np.min(op), np.max(op)):
+        rests = np.concatenate([[0], (op == extreme).astype(np.int8), [0]])
+        edges = np.flatnonzero(np.diff(rests))
+        for begin, end in zip(edges[::2], edges[1::2], strict=True):
+            run = slice(int(begin), int(end))
+            if end - begin >= RESTS_ROWS * scan and np.ptp(e[run]) > least_move:
+                out[run] = True
+    return out

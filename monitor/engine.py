@@ -15,14 +15,15 @@ from numpy.typing import NDArray
 from monitor.assess.event import Finding, assess_event
 from monitor.contract.evidence import Window
 from monitor.contract.loops import Loop, LoopTable
-from monitor.contract.records import SETPOINT, Assessment, Event, LoopRow, Record, Suggestion, event_id
+from monitor.contract.records import SETPOINT, Assessment, Event, LoopRow, Plan, Record, Suggestion, event_id
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector, Found
-from monitor.detect.event import BY_GAP, BY_SETTINGS, SETPOINT_STEP, ClosedEvent
+from monitor.detect.event import BY_GAP, BY_SETTINGS, SETPOINT_STEP, ClosedEvent, Stretch
 from monitor.detect.state import COUNTS
 from monitor.health.loop_health import figures
 from monitor.identify.direct import model_response
 from monitor.verdict.history import LoopHistory
+from monitor.verdict.in_force import InForce
 from monitor.verdict.parts import Tuning
 from monitor.verdict.row import loop_row, says_new, worst_first
 from monitor.verdict.stale import LastSample, LastSamples
@@ -41,7 +42,7 @@ class Engine:
         self.loops = loops
         self.detector = Detector(list(loops))
         self._histories: dict[int, LoopHistory] = {}
-        self._pending: list[ClosedEvent] = []
+        self._pending: list[ClosedEvent | Stretch] = []
         self._retired: Counter[str] = Counter()
         """What became of the samples of loops that are watched no more."""
         self.disturbances = 0
@@ -74,10 +75,9 @@ class Engine:
         records = self._finish(row, BY_SETTINGS)
         self.loops.replace(row, loop)
         self.detector.set_limits(row, self.loops[row])
-        history = self._histories.get(row)
-        if history is not None:
-            history.retune(self.loops[row], self.last_sample(row).time + 1)
-        return records
+        history = self._history(row)
+        history.retune(self.last_sample(row).time + 1, self.loops[row])
+        return records + history.take_plan()
 
     def set_back(self, row: int, first: int) -> list[Record]:
         """Begin a loop anew at an earlier time, ``first`` [ns]: its clock was set back, and an open event ends."""
@@ -99,7 +99,7 @@ class Engine:
         records = self._take(self.detector.flush([row], cause))
         own = [event for event in self._pending if event.row == row]
         self._pending = [event for event in self._pending if event.row != row]
-        return records + [record for event in own for record in self._assess(event)]
+        return records + [record for waiting in own for record in self._look_at(waiting)]
 
     # -- samples in, records out ------------------------------------------------------------------
 
@@ -109,17 +109,22 @@ class Engine:
 
     def detect(self, samples: Samples) -> list[Record]:
         """Take in samples; return openings and closings. Assessments wait for `assess`."""
-        return self._take(self.detector.run(samples))
+        records = self._take(self.detector.run(samples))
+        for stretch in self.detector.take_stretches():
+            # a loop's own order is that of time, however its samples were batched
+            later = (k for k, w in enumerate(self._pending) if w.row == stretch.row and w.end >= stretch.end)
+            self._pending.insert(next(later, len(self._pending)), stretch)
+        return records
 
     def assess(self, most: int | None = None) -> list[Record]:
-        """Assess waiting events, oldest first, at most ``most`` of them."""
+        """Assess waiting events, and look at the controller in stretches, oldest first, at most ``most`` of them."""
         n = len(self._pending) if most is None else min(most, len(self._pending))
         now, self._pending = self._pending[:n], self._pending[n:]
-        return [record for event in now for record in self._assess(event)]
+        return [record for waiting in now for record in self._look_at(waiting)]
 
     @property
     def backlog(self) -> int:
-        """Events that wait for `assess`."""
+        """Events and stretches that wait for `assess`."""
         return len(self._pending)
 
     def close(self) -> list[Record]:
@@ -152,15 +157,26 @@ class Engine:
                 self._pending.append(closed)
         return records
 
-    def _assess(self, event: ClosedEvent) -> list[Record]:
-        row = event.row
-        loop = self.loops[row]
-        finding = assess_event(loop, event)
+    def _look_at(self, waiting: ClosedEvent | Stretch) -> list[Record]:
+        """See the controller in what waits; assess it where it is an event."""
+        row, window = waiting.row, waiting.window
+        history = self._history(row)
+        first = waiting.start if isinstance(waiting, Stretch) else waiting.onset + round(window.time[0] * 1e9)
+        history.look(window, first, waiting.end, waiting.period)
+        records = [] if isinstance(waiting, Stretch) else self._assess(waiting, history)
+        return records + history.take_plan()
+
+    def _history(self, row: int) -> LoopHistory:
+        return self._histories.setdefault(row, LoopHistory(InForce(self.loops[row])))
+
+    def _assess(self, event: ClosedEvent, history: LoopHistory) -> list[Record]:
+        row, in_force = event.row, history.in_force
+        controller = in_force.extra_delay, in_force.contradiction
+        finding = assess_event(in_force.loop, event, *controller, thorough=history.under_way)
         if not finding.is_event:
             self.disturbances += 1
             return []
-        history = self._histories.setdefault(row, LoopHistory())
-        finding = history.add(finding, loop)
+        finding = history.add(finding)
         records: list[Record] = [] if finding.record.kind == SETPOINT else [_closing(finding.record)]
         records += [finding.record, _window(event, finding)]
         standing = self._row(row, event.health, event.period)
@@ -184,7 +200,7 @@ class Engine:
         history = self._histories.get(row)
         tuning = Tuning() if history is None else history.tuning
         seen = figures(health, period, tuning.model.get("dead_time"))
-        return loop_row(self.loops[row], tuning, seen)
+        return loop_row(InForce(self.loops[row]) if history is None else history.in_force, tuning, seen)
 
     def rows(self) -> list[LoopRow]:
         """Return one row for each loop, worst first: by verdict, then by index, then by name."""
@@ -220,6 +236,10 @@ class Engine:
     def counts(self) -> dict[str, int]:
         """Return what became of all samples, by cause."""
         return {name: int(self.detector.state["counts"][name].sum()) + self._retired[name] for name in COUNTS}
+
+    def go_on(self, row: int, plan: Plan) -> None:
+        """Go on with a loop's retune that was under way when another engine ended."""
+        self._history(row).go_on(plan)
 
     # -- open events that outlive the process -------------------------------------------------------
 

@@ -23,7 +23,7 @@ STATIONS: dict[str, tuple[str, ...]] = {
     "identify": ("compiled", "contract", "detect.event", "tuners"),
     "assess": ("contract", "detect.event", "identify", "tuners"),
     "advise": ("compiled", "contract", "identify", "assess", "tuners"),
-    "verdict": ("contract", "health", "identify", "assess", "advise", "tuners"),
+    "verdict": ("contract", "detect.event", "health", "identify", "assess", "advise", "tuners"),
     "engine": (*(s for s in CORE if s != "engine"), "compiled", "tuners"),
     "wire": ("contract",),
     "adapters": ("contract", "wire", "compiled"),

@@ -20,6 +20,7 @@ CREATE TABLE IF NOT EXISTS assessment
 CREATE INDEX IF NOT EXISTS assessment_of ON assessment (key, start);
 CREATE TABLE IF NOT EXISTS suggestion (number INTEGER PRIMARY KEY, key TEXT NOT NULL, json BLOB NOT NULL);
 CREATE TABLE IF NOT EXISTS loop (key TEXT PRIMARY KEY, json BLOB NOT NULL);
+CREATE TABLE IF NOT EXISTS plan (key TEXT PRIMARY KEY, json BLOB NOT NULL);
 CREATE TABLE IF NOT EXISTS day (number INTEGER PRIMARY KEY, event INTEGER, assessment INTEGER, suggestion INTEGER);
 """
 VERSION = 1
@@ -147,6 +148,14 @@ class Store:
     def keep_row(self, key: str, json: bytes) -> None:
         """Keep a loop's current row."""
         self._db.execute("INSERT OR REPLACE INTO loop VALUES (?, ?)", (key, json))
+
+    def keep_plan(self, key: str, json: bytes) -> None:
+        """Keep where a loop's retune leads, in place of what was."""
+        self._db.execute("INSERT OR REPLACE INTO plan VALUES (?, ?)", (key, json))
+
+    def plans(self) -> dict[str, bytes]:
+        """Return where each loop's retune leads, by key."""
+        return {str(k): bytes(j) for k, j in self._read("SELECT key, json FROM plan")}
 
     def assessments(
         self, key: str, since: int | None = None, until: int | None = None, limit: int = 1000

@@ -37,6 +37,8 @@ class Way:
     """``now`` first, the aim last."""
     limited_by: str
     """What keeps the rest back, in words; empty where ``now`` is the aim."""
+    soft: bool = False
+    """It is a small step that is taken in spite of the model's error."""
 
 
 def way(limits: Limits, guards: Guards, aim: Settings, peaks: tuple[float, float]) -> Way | str:
@@ -71,7 +73,7 @@ def way(limits: Limits, guards: Guards, aim: Settings, peaks: tuple[float, float
         for point in _soft_points(start, replace(aim, td=0.0, tf=0.0) if lead else aim, guards):
             found = _safe(limits, guards, point, aim, peaks)
             if found is not None:
-                return _to(limits, point, found, aim, MISFIT)
+                return replace(_to(limits, point, found, aim, MISFIT), soft=True)
     return reasons[0] if reasons else NEARLY_THERE
 
 

@@ -74,6 +74,8 @@ class Advice:
     """The way as far as it is foreseen: the settings to be typed in now first, the aim last."""
     limited_by: str = ""
     """What keeps the rest of the way back, in words; empty where there is none."""
+    soft: bool = False
+    """A small step that is taken in spite of the model's error: once for a model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +202,18 @@ def _advice(
     (rule, aim, tc), now = aimed, walked.now
     noise = float(op_noise(now, limits.noise, limits.period))
     return Advice(
-        rule, now, aim, tc, *walked.peaks, ci, noise, before, after, walked.stages, walked.limited_by
+        rule,
+        now,
+        aim,
+        tc,
+        *walked.peaks,
+        ci,
+        noise,
+        before,
+        after,
+        walked.stages,
+        walked.limited_by,
+        walked.soft,
     )
 
 

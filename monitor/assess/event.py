@@ -6,22 +6,18 @@ on the identified model). Where the evidence cannot carry either, it says so ins
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
+from dataclasses import dataclass, replace
 
 from monitor.contract.loops import Loop
-from monitor.contract.records import INCONCLUSIVE, LOAD, SETPOINT, UNDECIDED, Assessment, event_id
+from monitor.contract.records import GOOD, INCONCLUSIVE, LOAD, SETPOINT, UNDECIDED, Assessment, event_id
 from monitor.detect.event import LOAD_STEP, ClosedEvent
-from monitor.identify.direct import fit_kinds
-from monitor.identify.fit import Fit, contradictory, decide
-from monitor.identify.indirect import LEAST_OP_EXPLAINED, indirect_fit, op_explained
+from monitor.identify.fit import Fit
+from monitor.identify.misfit import ModelError, model_error
 from monitor.identify.outliers import without_outliers
-from tuners.models import INTEGRATING, SELF_REGULATING, Model
+from tuners.models import Model
 
 from .evidence import (
     MANY_UNCERTAIN_SHARE,
-    NOISY_RANGE_SHARE,
     by_integrals,
     coverage,
     evidence_against,
@@ -31,7 +27,8 @@ from .evidence import (
     op_moved,
 )
 from .index import index, overshoot
-from .reference import model_of, settings_of
+from .process import model_of_event, rivals
+from .reference import model_of
 from .tuning import current_sensitivity, judge
 
 
@@ -49,32 +46,71 @@ class Finding:
     """Standard deviation of PV's noise before the event [PV]."""
     period: float
     """[s]"""
+    rivals: tuple[Fit, ...] = ()
+    """Models of the other kind of process that the event does not exclude; looked for where settings may follow."""
+    misfit: ModelError | None = None
+    """The error of the model that the event shows, likewise."""
 
 
-def assess_event(loop: Loop, event: ClosedEvent) -> Finding:
+def assess_event(
+    loop: Loop, event: ClosedEvent, extra_delay: float = 0.0, contradiction: str = "", thorough: bool = False
+) -> Finding:
     """Judge one closed event.
 
     Parameters
     ----------
     loop
         The loop's row; its settings are those in force during the event.
+    extra_delay
+        Dead time that the controller adds to the process [s].
+    contradiction
+        In what the data contradict the settings; then there is no Ms and no verdict.
+    thorough
+        Look at the other kind of process and the model's error even where the loop is good: a retune is under way.
     """
     load = event.kind == LOAD_STEP
     event = without_outliers(event)
-    fit, decided = _identify(loop, event)
+    fit, decided, declared = model_of_event(loop, event)
+    fit = None if fit is None else replace(fit, extra_delay=extra_delay)
     against = evidence_against(loop, event, fit, decided)
     # figures of a model that does not explain the event would only mislead
     trusted = fit if fit is not None and decided and is_explained(fit, event) else None
     ci = None if trusted is None else index(loop, event, trusted)
     model = None if trusted is None else model_of(trusted)
-    ms = current_sensitivity(loop, model, event.period)
-    verdict, reason = _said(loop, event, model, (ci, ms), against)
+    ms = None if contradiction else current_sensitivity(loop, model, event.period)
+    doubts = [*against, contradiction] if contradiction else against
+    verdict, reason = _said(loop, event, model, (ci, ms), doubts)
+    said = verdict, "; ".join(filter(None, [declared, reason]))
+    finding = Finding(
+        _record(loop, event, (fit, trusted), (ci, ms), said),
+        fit,
+        usable=fit is not None and not against,
+        is_event=not load or (fit is not None and is_load_step(fit, event) and op_moved(fit, event)),
+        noise=event.noise,
+        period=event.period,
+    )
+    if fit is None or against or not (thorough or verdict != GOOD):
+        return finding
+    misfit = model_error(event.window, fit, event.noise)
+    return replace(finding, rivals=rivals(event, fit), misfit=misfit)
+
+
+def _record(
+    loop: Loop,
+    event: ClosedEvent,
+    fits: tuple[Fit | None, Fit | None],
+    figures: tuple[float | None, float | None],
+    said: tuple[str, str],
+) -> Assessment:
+    """Put a record together: ``fits`` are the model found and the one that is trusted, ``figures`` CI and Ms."""
+    (fit, trusted), (ci, ms), (verdict, reason) = fits, figures, said
     gain_integrals, t0_integrals = by_integrals(event, fit)
     onset, amplitude = event.onset, event.amplitude
+    load = event.kind == LOAD_STEP
     if load:
         amplitude = (fit.size if fit is not None else None) or 0.0
         onset += round(fit.onset * 1e9) if fit is not None and fit.onset is not None else 0
-    record = Assessment(
+    return Assessment(
         loop=loop.name,
         id=event_id(loop.name, event.onset),
         event=event.number,
@@ -95,14 +131,6 @@ def assess_event(loop: Loop, event: ClosedEvent) -> Finding:
         gain_integrals=gain_integrals,
         t0_integrals=t0_integrals,
         **({} if fit is None else model_fields(fit)),
-    )
-    return Finding(
-        record,
-        fit,
-        usable=fit is not None and not against,
-        is_event=not load or (fit is not None and is_load_step(fit, event) and op_moved(fit, event)),
-        noise=event.noise,
-        period=event.period,
     )
 
 
@@ -144,29 +172,3 @@ def model_fields(fit: Fit) -> dict[str, float]:
             f"{name}_hi": high + more,
         }
     return fields
-
-
-def _identify(loop: Loop, event: ClosedEvent) -> tuple[Fit | None, bool]:
-    """Fit the kinds of process that the loop may be; return the best and whether the kind is beyond doubt.
-
-    Directly first. A set-point step under much noise is also fitted by simulating the closed loop, where the known
-    settings reproduce OP: noise that travels round the loop biases the direct fit, while a wrong order of the
-    model costs the simulated loop more. After a load step the simulated loop has false minima and is left out.
-    """
-    kinds = [INTEGRATING, SELF_REGULATING] if loop.process == "auto" else [loop.process]
-    window, period, load = event.window, event.period, event.kind == LOAD_STEP
-    span = float(window.time[-1])
-    direct = fit_kinds(window, kinds, load, period)
-    best, decided = decide(direct, span)
-    settings = settings_of(loop)
-    noisy = best is not None and best.sigma >= NOISY_RANGE_SHARE * float(np.ptp(window.pv))
-    if best is None or load or settings is None or not noisy:
-        return best, decided
-    if op_explained(window, settings, period) < LEAST_OP_EXPLAINED:
-        return best, decided
-    fits = [indirect_fit(window, period, settings, f) for f in ([best] if decided else direct)]
-    better = [f for f in fits if f is not None and is_explained(f, event) and not contradictory([f], best)]
-    if not better:
-        return best, decided
-    chosen, sure = decide(better, span)
-    return chosen, decided or (sure and len(better) == len(direct))

@@ -184,4 +184,18 @@ class Suggestion(msgspec.Struct, frozen=True, kw_only=True):
     evidence: tuple[str, ...]
 
 
-Record = Event | Assessment | Suggestion | Window
+class Plan(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a loop's retune leads, and how far it has come: kept, so that a restart goes on with it; not published."""
+
+    loop: str
+    form: str
+    """Of the stages' settings."""
+    stages: tuple[dict[str, float | None], ...] = ()
+    """kp, ti, td, tf of each part, the aim last; ti null for no integral action; empty: there is no plan any more."""
+    since: int | None = None
+    """When the part that is in force was typed in [ns since 1970]; None while none is."""
+    softened: float | None = None
+    """Size of the model's error when a small step was taken in spite of it."""
+
+
+Record = Event | Assessment | Suggestion | Window | Plan

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from datetime import UTC, datetime, tzinfo
+from datetime import UTC, datetime, timedelta, tzinfo
 from typing import Literal
 
 import numpy as np
@@ -121,3 +121,22 @@ def iso(time: int, unit: Literal["ms", "us", "ns"] = "us") -> str:
     '1970-01-01T00:00:01.500000Z'
     """
     return str(np.datetime_as_string(np.datetime64(time, "ns"), unit=unit)) + "Z"
+
+
+RELATIVE_NS = 10**17
+"""Times below it are counted from a start, not from 1970 [ns]."""
+
+
+def in_words(time: int) -> str:
+    """Say a time [ns since 1970] to the minute, with its day of the week; of times that count from a start, the second.
+
+    Examples
+    --------
+    >>> in_words(1_795_486_200 * 10**9)
+    'Tuesday 2026-11-24, 02:10 UTC'
+    >>> in_words(90 * 10**9)
+    'second 90'
+    """
+    if abs(time) < RELATIVE_NS:
+        return f"second {time * 1e-9:.0f}"
+    return f"{EPOCH + timedelta(microseconds=time // 1000):%A %Y-%m-%d, %H:%M} UTC"

@@ -172,7 +172,8 @@ def estimate(rows: Rows, known: Known, walk: float, place: Place) -> Estimate:
     m = products(white)
     active = known.active
     gains, s = solved(m, active)
-    scale = np.sqrt(np.maximum(np.diag(m)[active], 1e-300))
+    power = np.diag(m)[active]
+    scale = np.sqrt(np.maximum(power, 1e-30 * np.max(power) + 1e-200))
     scaled = m[np.ix_(active, active)] / np.outer(scale, scale) + 1e-11 * np.eye(len(active))
     inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
     reach = int(min(4 + n ** (1 / 3), n // 4))

@@ -131,7 +131,7 @@ def combined(seen: Sequence[Controller]) -> Controller | None:
     kp, ti, td = (together([getattr(c, name) for c in own]) for name in ("kp", "ti", "td"))
     settings = best.settings
     if settings is not None and said in {FOUND, CONTRADICTED} and math.isfinite(kp.value):
-        settings = replace(settings, kp=kp.value, ti=ti.value, td=td.value)
+        settings = replace(settings, kp=kp.value, ti=ti.value, td=max(td.value, 0.0))
     shares = [c.explained for c in own if c.explained is not None]
     return replace(
         best,

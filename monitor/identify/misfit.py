@@ -55,6 +55,11 @@ class ModelError:
     chi: Array
     """(k,) Power that the mode explains, in variances of the noise."""
 
+    @property
+    def size(self) -> float:
+        """Largest error, weighed by its frequency: for an integrator a slow mode is then no larger than a fast one."""
+        return float(np.max(self.bound * self.omega, initial=0.0))
+
 
 NOTHING_SEEN = ModelError(np.zeros(0), np.zeros(0), np.zeros(0))
 

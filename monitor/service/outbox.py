@@ -14,9 +14,9 @@ from monitor.adapters.store import Store, StoreError
 from monitor.contract import keys
 from monitor.contract.evidence import Window
 from monitor.contract.loops import LoopTable
-from monitor.contract.records import RETUNE, Assessment, Event, LoopRow, Record, Suggestion
+from monitor.contract.records import RETUNE, Assessment, Event, LoopRow, Plan, Record, Suggestion
 from monitor.wire.arrow import encode_window
-from monitor.wire.encode import FRAME_MIME, JSON_MIME, encode_record
+from monitor.wire.encode import FRAME_MIME, JSON_MIME, encode_plan, encode_record
 
 from .bus import Bus
 
@@ -33,6 +33,7 @@ class Outgoing:
     """One record, encoded: how it is kept, and as what it is published then."""
 
     key: str
+    """Empty where it is only kept."""
     payload: bytes
     encoding: str
     keep: Callable[[Store], None]
@@ -75,6 +76,8 @@ class Outbox:
                 self._waiting += self._assessment(record, windows[record.id], rows[-1][1])
             elif isinstance(record, Suggestion):
                 self._waiting.append(self._suggestion(record))
+            elif isinstance(record, Plan):
+                self._waiting.append(self._plan(record))
         return rows
 
     def send(self, now: float, at_once: bool = False) -> None:
@@ -103,7 +106,8 @@ class Outbox:
             log.warning("store: back; %d records were waiting", len(self._waiting))
             self.stores = True
         for outgoing in self._waiting:
-            self._bus.publish(outgoing.key, outgoing.payload, outgoing.encoding)
+            if outgoing.key:
+                self._bus.publish(outgoing.key, outgoing.payload, outgoing.encoding)
         self._waiting.clear()
 
     def _commit(self) -> str:
@@ -160,3 +164,7 @@ class Outbox:
         return Outgoing(
             keys.suggestion(key), payload, JSON_MIME, lambda store: store.keep_suggestion(key, payload)
         )
+
+    def _plan(self, plan: Plan) -> Outgoing:
+        key, payload = self._key(plan.loop), encode_plan(plan)
+        return Outgoing("", payload, JSON_MIME, lambda store: store.keep_plan(key, payload))

@@ -27,7 +27,7 @@ from monitor.engine import Engine
 from monitor.verdict.row import worst_first
 from monitor.verdict.stale import mark_stale
 from monitor.wire.decode import Decoder
-from monitor.wire.encode import JSON_MIME, decode_event
+from monitor.wire.encode import JSON_MIME, decode_event, decode_plan
 
 from .bus import Bus
 from .config import Config
@@ -113,6 +113,7 @@ class Service:
         self._snapshot = Every(SNAPSHOT_EVERY_S, first=now + SNAPSHOT_EVERY_S)
         self._open = OpenEvents(open_file)
         self._left_open = [] if open_file is None else self._take_up()
+        self._go_on_with_plans()
 
     # -- the tick -----------------------------------------------------------------------------------
 
@@ -272,6 +273,13 @@ class Service:
         if left:
             log.warning("%d events were open when the last run ended: interrupted", len(left))
         return [msgspec.structs.replace(e, state="interrupted") for e in left]
+
+    def _go_on_with_plans(self) -> None:
+        """Go on with the retunes that were under way when the last run ended."""
+        for key, payload in self.store.plans().items():
+            plan, row = decode_plan(payload), self.loops.by_key.get(key)
+            if plan is not None and row is not None:
+                self.engine.go_on(row, plan)
 
     def _row_of(self, name: str, key: str) -> int:
         """Return a loop's row, -1 where it is not watched."""

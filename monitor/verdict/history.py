@@ -9,21 +9,30 @@ import msgspec
 import numpy as np
 
 from monitor.advise.candidates import rule_mismatch
-from monitor.advise.evidence import NO_DOUBT
+from monitor.advise.evidence import Evidence
 from monitor.advise.suggestion import Advice, Withheld, advise, renewed
 from monitor.assess.event import Finding, model_fields
-from monitor.assess.reference import model_of
+from monitor.assess.reference import model_of, settings_of
 from monitor.assess.tuning import current_sensitivity, judge
 from monitor.contract.loops import Loop
-from monitor.contract.records import GOOD, INCONCLUSIVE, LOAD, RETUNE, SETPOINT, UNDECIDED, LoopRow
+from monitor.contract.records import GOOD, INCONCLUSIVE, LOAD, RETUNE, SETPOINT, UNDECIDED, LoopRow, Plan
+from monitor.detect.event import EventWindow
 from monitor.identify.fit import Fit, combine, contradictory
 
+from .in_force import InForce, change_in_words
 from .parts import Tuning, suggested
+from .plan import part_of, plan_of
 
 MOST_FINDINGS = 20
 """Findings kept for each loop: the newest ones make its verdict, and memory does not grow with history."""
 
+SHRUNK_SHARE = 0.8
+"""Share of the model's error when a small step was last taken in spite of it, below which another one may be."""
+
 _WAIT = "wait for, or make, a clean set-point step"
+_HALF_WAY = "a part of the retune is in force; no event yet under the new settings"
+_GO_ON = "make a set-point step or wait for a load; the next part follows when it has confirmed the model"
+_ON_THE_WAY = "a part of the retune is in force; its aim is not reached"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +47,8 @@ class _Standing:
 class LoopHistory:
     """What is known of one loop beyond its running state."""
 
+    in_force: InForce
+    """Its settings of today."""
     findings: list[Finding] = field(default_factory=list)
     events: int = 0
     tuning: Tuning = field(default_factory=Tuning)
@@ -51,61 +62,134 @@ class LoopHistory:
     """When the settings of today came into force [ns]; 0 where they were there from the start."""
     before: Tuning | None = None
     """The tuning as it was when the settings changed."""
+    plan: Plan | None = None
+    """Where the suggestion leads, or the retune of which a part is in force."""
+    _kept: Plan | None = None
+    """The plan that was handed out last, to be kept."""
 
-    def add(self, finding: Finding, loop: Loop) -> Finding:
+    @property
+    def under_way(self) -> bool:
+        """Whether a part of a retune is in force, with more to come."""
+        return self.plan is not None and self.plan.since is not None
+
+    @property
+    def loop(self) -> Loop:
+        """The loop's row, with the settings in force."""
+        return self.in_force.loop
+
+    def look(self, window: EventWindow, start: int, end: int, period: float) -> None:
+        """Look at the controller in some samples, from ``start`` to ``end`` [ns], of this period [s]."""
+        known = self.in_force.source, self.in_force.contradiction
+        if self.in_force.look(window, start, end, period):
+            self.retune(start)
+        elif self.events and known != (self.in_force.source, self.in_force.contradiction):
+            self.tuning, self.standing = _judge(self)
+
+    def add(self, finding: Finding) -> Finding:
         """Add one event, and judge the loop anew; return the event, numbered."""
         self.events += 1
         numbered = msgspec.structs.replace(finding.record, event=self.events)
         finding = replace(finding, record=numbered)
         self.findings = [*self.findings, finding][-MOST_FINDINGS:]
-        self.tuning, self.standing = _judge(loop, self)
+        self.tuning, self.standing = _judge(self)
         return finding
 
-    def retune(self, loop: Loop, since: int) -> None:
-        """Go over to new settings, in force from ``since`` [ns] on: the comparison of before and after begins."""
-        if not self.events:
-            return
+    def retune(self, since: int, table: Loop | None = None) -> None:
+        """Go over to new settings, in force from ``since`` [ns] on: the comparison of before and after begins.
+
+        Parameters
+        ----------
+        table
+            The loop's row, where somebody has said so; else the settings are those seen in the data.
+        """
+        if table is not None:
+            self.in_force = InForce(table)
+        if self.plan is not None:
+            part = part_of(self.plan, settings_of(self.loop))
+            self.plan = msgspec.structs.replace(self.plan, since=since) if part else None
         self.before, self.standing, self.published, self.retuned = self.tuning, None, None, since
-        self.tuning, self.standing = _judge(loop, self)
-        self.verdict = self.tuning.verdict
+        if self.events:
+            self.tuning, self.standing = _judge(self)
+            self.verdict = self.tuning.verdict
+
+    def go_on(self, plan: Plan) -> None:
+        """Go on with a retune that was under way when the process ended."""
+        self.plan = self._kept = plan if plan.stages else None
+        self.retuned = (self.plan and self.plan.since) or 0
+
+    def take_plan(self) -> list[Plan]:
+        """Return the plan, to be kept, where it is another one than when this was last asked."""
+        if self.plan == self._kept:
+            return []
+        self._kept = self.plan
+        return [self.plan or Plan(loop=self.loop.name, form=self.loop.canonical_form)]
 
     @property
     def usable(self) -> list[Finding]:
         """Findings whose fit may carry a suggestion."""
         return [f for f in self.findings if f.usable]
 
+    def evidence(self) -> Evidence:
+        """Return what the events leave open beside the model."""
+        newest = self.usable[-1]
+        softened = None if self.plan is None or not self.under_way else self.plan.softened
+        size = 0.0 if newest.misfit is None else newest.misfit.size
+        return Evidence(
+            rivals=newest.rivals,
+            misfit=newest.misfit,
+            loads_only=all(f.record.kind == LOAD for f in self.usable),
+            soft_step=softened is None or size < SHRUNK_SHARE * softened,
+        )
 
-def _judge(loop: Loop, history: LoopHistory) -> tuple[Tuning, _Standing | None]:
+
+def _judge(history: LoopHistory) -> tuple[Tuning, _Standing | None]:
     """Judge a loop: the process by all its events, speed by those under the settings of today.
 
     Beside the tuning: the suggestion that stands from now on. One that the events can neither confirm nor deny stays.
     """
+    loop, usable = history.loop, history.usable
     today = [f for f in history.findings if f.record.start >= history.retuned]
     seen = [f for f in today if f.usable] or today
     ci = tuple(_median([f.record.ci for f in seen if f.record.kind == kind]) for kind in (SETPOINT, LOAD))
-    tuning = Tuning(events=history.events, ci_setpoint=ci[0], ci_load=ci[1])
-    usable = history.usable
+    contradiction = history.in_force.contradiction
+    tuning = Tuning(events=history.events, ci_setpoint=ci[0], ci_load=ci[1], contradiction=contradiction)
     if not usable:
         last = history.findings[-1].record
         wait = f"none on this evidence; {_WAIT}"
         tuning = replace(tuning, verdict=INCONCLUSIVE, reason=last.reason, process=last.process, action=wait)
         return tuning, history.standing
-    fits = [f.fit for f in usable if f.fit is not None]
-    joint = _together(fits)
-    if joint is None:
-        why = "the events contradict each other in kind of process or sign of gain"
-        return _contradiction(replace(tuning, process=UNDECIDED), why), history.standing
-    tuning = replace(tuning, process=joint.process, model=model_fields(joint))
-    if contradictory(fits, joint):
-        why = "the events contradict each other: their gains differ beyond chance"
-        return _contradiction(tuning, why), history.standing
-    tuning = _of_model(loop, history, tuning, joint)
-    if tuning.verdict != RETUNE:
+    joint, why = _joint(usable)
+    newer = [f for f in usable if f.record.start >= history.retuned]
+    if why and history.retuned and newer:  # the events since the last change correct what was known before
+        joint, why = _joint(newer)
+    if joint is not None:
+        tuning = replace(tuning, process=joint.process, model=model_fields(joint))
+    if joint is None or why:
+        return _contradiction(tuning if joint else replace(tuning, process=UNDECIDED), why), history.standing
+    joint = replace(joint, extra_delay=history.in_force.extra_delay)
+    tuning = _of_model(history, tuning, joint)
+    if contradiction:
+        return tuning, None
+    if history.under_way and not newer:
+        return replace(tuning, verdict=INCONCLUSIVE, reason=_HALF_WAY, action=_GO_ON), None
+    if tuning.verdict != RETUNE and not (tuning.verdict == GOOD and history.under_way):
+        history.plan = history.plan if history.under_way else None
         return replace(tuning, action="none" if tuning.verdict == GOOD else _WAIT), None
-    tuning, standing = _advise(loop, history, tuning, joint)
+    tuning, standing = _advise(history, tuning, joint)
     if tuning.verdict == RETUNE and (why := rule_mismatch(loop, joint.process)):
         tuning = replace(tuning, action=f"{tuning.action}; the rule {loop.rule} is not used: {why}")
     return tuning, standing
+
+
+def _joint(usable: list[Finding]) -> tuple[Fit | None, str]:
+    """Put events into one model; beside it why that is no use, empty where it is. None: they have nothing in common."""
+    fits = [f.fit for f in usable if f.fit is not None]
+    joint = _together(fits)
+    if joint is None:
+        return None, "the events contradict each other in kind of process or sign of gain"
+    if contradictory(fits, joint):
+        return joint, "the events contradict each other: their gains differ beyond chance"
+    return joint, ""
 
 
 def _together(fits: list[Fit]) -> Fit | None:
@@ -120,42 +204,61 @@ def _contradiction(tuning: Tuning, reason: str) -> Tuning:
     return replace(tuning, verdict=INCONCLUSIVE, reason=reason, action=action)
 
 
-def _of_model(loop: Loop, history: LoopHistory, tuning: Tuning, joint: Fit) -> Tuning:
+def _of_model(history: LoopHistory, tuning: Tuning, joint: Fit) -> Tuning:
     """Add Ms of today's settings on the joint model, verdict and reason."""
-    usable = history.usable
+    loop, usable = history.loop, history.usable
     alone = len(usable) == 1 and not history.retuned  # the event's own figure is the loop's
     model, period = model_of(joint), usable[-1].period
     ms = usable[0].record.ms if alone else current_sensitivity(loop, model, period)
+    if history.in_force.contradiction:
+        ms = None
     verdict, reason = judge(loop, model, (tuning.ci_setpoint, tuning.ci_load), ms, 0.0)
     if alone and verdict == usable[0].record.verdict:
         reason = usable[0].record.reason  # it knows the overshoot and how the event ended
     tuning = replace(tuning, ms=ms, verdict=verdict)
     if history.retuned:
-        reason = "; ".join(filter(None, [_since_retune(history.before, tuning), reason]))
+        told = [_change(history), _since_retune(history.before, tuning), reason]
+        reason = "; ".join(filter(None, told))
     return replace(tuning, reason=reason)
 
 
-def _advise(loop: Loop, history: LoopHistory, tuning: Tuning, joint: Fit) -> tuple[Tuning, _Standing | None]:
+def _advise(history: LoopHistory, tuning: Tuning, joint: Fit) -> tuple[Tuning, _Standing | None]:
     """Add a suggestion; the old one is kept while the model stays inside its intervals, and it safe."""
+    loop, evidence = history.loop, history.evidence()
     noise, period = float(np.median([f.noise for f in history.usable])), history.usable[-1].period
     old = history.standing
     if old is not None and _inside(joint, old.fit):
-        still = renewed(old.advice, loop, joint, noise, period, NO_DOUBT)
+        still = renewed(old.advice, loop, joint, noise, period, evidence)
         if still is not None:
-            return _with(tuning, loop, still), old
-    advice = advise(loop, joint, noise, period, tuning.ms, NO_DOUBT)
+            history.plan = plan_of(loop, still, history.plan, evidence)
+            return _with(history, tuning, still), old
+    advice = advise(loop, joint, noise, period, tuning.ms, evidence)
     if not isinstance(advice, Withheld):
-        return _with(tuning, loop, advice), _Standing(advice, joint)
+        history.plan = plan_of(loop, advice, history.plan, evidence)
+        return _with(history, tuning, advice), _Standing(advice, joint)
     if advice.fine_as_it_is:
+        history.plan = None
         return replace(tuning, verdict=GOOD, reason=advice.reason, action="none"), None
+    if tuning.verdict == GOOD:  # on the way to an aim that the events do not allow any more
+        return replace(tuning, action="none"), None
     reason = f"{tuning.reason}; no suggestion: {advice.reason}"
     action = "retune by hand with care, or make a larger set-point step for a sharper model"
     return replace(tuning, reason=reason, action=action), None
 
 
-def _with(tuning: Tuning, loop: Loop, advice: Advice) -> Tuning:
-    new = suggested(loop, advice)
-    return replace(tuning, suggested=new, action=new.action)
+def _with(history: LoopHistory, tuning: Tuning, advice: Advice) -> Tuning:
+    """Add a suggestion; on the way to an aim it is one even where the loop is good enough already."""
+    new = suggested(history.loop, advice)
+    reason = (
+        tuning.reason if tuning.verdict == RETUNE else "; ".join(filter(None, [tuning.reason, _ON_THE_WAY]))
+    )
+    return replace(tuning, verdict=RETUNE, reason=reason, suggested=new, action=new.action)
+
+
+def _change(history: LoopHistory) -> str:
+    """Say what the data show of a change of settings that nobody has told of."""
+    change = history.in_force.change
+    return "" if change is None or change.before != history.retuned else change_in_words(change)
 
 
 def _inside(fit: Fit, old: Fit) -> bool:

@@ -9,12 +9,15 @@ from dataclasses import dataclass, field
 
 from monitor.advise.prediction import Predicted
 from monitor.advise.suggestion import Advice
+from monitor.assess.reference import settings_of
 from monitor.contract.loops import Loop
 from monitor.contract.records import NOT_ASSESSED
 from tuners.blocks import BLOCKS
 from tuners.faceplate import fields_of
 from tuners.settings import FORMS, Settings
 
+WATCHED_INTEGRAL_TIMES = 3.0
+"""Integral times after a step within which a loop shows whether it comes to rest."""
 Figures = Mapping[str, float | None]
 """By column of the loop's row."""
 
@@ -53,6 +56,8 @@ class Tuning:
     model: Figures = field(default_factory=dict)
     """Gain, times and their intervals, of all usable events; empty where they do not agree."""
     suggested: Suggested | None = None
+    contradiction: str = ""
+    """In what the data contradict the settings of the table, or any linear controller; empty where they do not."""
 
 
 def suggested(loop: Loop, advice: Advice) -> Suggested:
@@ -66,8 +71,7 @@ def suggested(loop: Loop, advice: Advice) -> Suggested:
     figures["new_op_noise_abs"] = advice.op_noise
     if loop.op_span is not None:
         figures["new_op_noise"] = 100.0 * advice.op_noise / loop.op_span
-    steps = f", in {len(advice.stages)} stages" if len(advice.stages) > 1 else ""
-    action = f"set {_words(new)}{steps}"
+    action = "; ".join(filter(None, [f"set {_words(new)}", _rest_of_the_way(advice), _watch(loop, new)]))
     fields = None
     try:
         fields = json.dumps(_fields(loop, new))
@@ -76,6 +80,41 @@ def suggested(loop: Loop, advice: Advice) -> Suggested:
     stages = json.dumps([_plain(s) for s in advice.stages])
     today = {} if advice.before is None else _predicted(advice.before)
     return Suggested(action, advice.rule, loop.form, figures, stages, fields, today)
+
+
+def _rest_of_the_way(advice: Advice) -> str:
+    """Say where the settings lead, and why not all the way at once; empty where they are the aim."""
+    if advice.aim == advice.settings:
+        return ""
+    why = f" ({advice.limited_by})" if advice.limited_by else ""
+    return (
+        f"this is part of the way to {_words(advice.aim)}{why}: the next part follows when a set-point or load step "
+        "under it has confirmed the model"
+    )
+
+
+def _watch(loop: Loop, new: Settings) -> str:
+    """Say what to watch, when to stop, and what to go back to; empty where the settings of today are not known."""
+    today = settings_of(loop)
+    if today is None:
+        return ""
+    ti = float(new.ti)
+    time = f" for {_duration(WATCHED_INTEGRAL_TIMES * ti)}" if math.isfinite(ti) else ""
+    return f"watch PV and OP{time} after the next step: if they go on swinging, go back to {_words(today)}"
+
+
+def _duration(seconds: float) -> str:
+    """Say a time as one reads it off a clock.
+
+    Examples
+    --------
+    >>> _duration(45.0), _duration(600.0), _duration(9000.0)
+    ('45 s', '10 min', '2.5 h')
+    """
+    for unit, size in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.2g} {unit}"
+    return f"{seconds:.2g} s"
 
 
 def _predicted(of: Predicted) -> dict[str, float | None]:

@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+import math
+
 from monitor.contract.loops import Loop
 from monitor.contract.records import WORST_FIRST, LoopRow
 from monitor.health.loop_health import Health
+from monitor.identify.controller_seen import Controller
 
+from .in_force import InForce
 from .parts import Figures, Tuning
 from .tree import conclude
 
 
-def loop_row(loop: Loop, tuning: Tuning, health: Health) -> LoopRow:
+def loop_row(in_force: InForce, tuning: Tuning, health: Health) -> LoopRow:
     """Return a loop's row: its verdict, the evidence, and a suggestion where none of the tree's branches withholds it.
 
     Parameters
     ----------
-    loop
-        With the settings of today.
+    in_force
+        The loop's settings of today, and where they are known from.
     tuning
         What its events say.
     health
         What its samples say, of the same moment.
     """
+    loop = in_force.loop
     found = conclude(tuning, loop, health)
     suggested = tuning.suggested
     shown = None if found.withheld else suggested
@@ -40,11 +45,13 @@ def loop_row(loop: Loop, tuning: Tuning, health: Health) -> LoopRow:
         form=None if shown is None else shown.form,
         stages=None if shown is None else shown.stages,
         new_fields=None if shown is None else shown.fields,
+        settings_source=in_force.source,
         **tuning.model,
         **({} if shown is None else shown.figures),
         **({} if suggested is None else suggested.today),
         **_of_health(health),
         **_of_today(loop),
+        **({} if in_force.seen is None else _seen(in_force.seen)),
     )
 
 
@@ -72,6 +79,17 @@ def _of_today(loop: Loop) -> Figures:
     if loop.kp is None:
         return {}
     return {"kp": loop.kp, "ti": loop.ti, "td": loop.td, "tf": loop.filter_time}
+
+
+def _seen(controller: Controller) -> Figures:
+    """Return the columns of the controller as the data show it."""
+    figures: dict[str, float | None] = {"settings_explained": controller.explained}
+    for name in ("kp", "ti", "td"):
+        part = getattr(controller, name)
+        if not math.isnan(part.value):
+            figures |= {f"{name}_seen": part.value, f"{name}_seen_lo": part.low, f"{name}_seen_hi": part.high}
+    figures |= {f"{name}_seen": getattr(controller, name) for name in ("pv_filter", "op_delay")}
+    return figures | {"scan_seen": controller.scan or None}
 
 
 def worst_first(row: LoopRow) -> tuple[int, float, str]:

@@ -4,9 +4,10 @@ The tree, from the root; the first branch that holds and stops gives the verdict
 
 1. Are the data trustworthy? (no data, frozen, wired wrongly, changed, compressed, too coarse)
 2. Is the loop in control? (in manual, idle, at its limit)
-3. Is it the valve? (stiction)
-4. Does it oscillate for another reason than its tuning?
-5. Only then: how is it tuned?
+3. Is the controller the one of the loop table?
+4. Is it the valve? (stiction)
+5. Does it oscillate for another reason than its tuning?
+6. Only then: how is it tuned?
 """
 
 from __future__ import annotations
@@ -175,6 +176,14 @@ def _touches_limit(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     return f"OP is at its limit for {share:.0%} of the time" if share > TOUCHES_LIMIT_SHARE else ""
 
 
+def _mismatch(_health: Health, tuning: Tuning, loop: Loop) -> str:
+    return tuning.contradiction if loop.kp is not None else ""
+
+
+def _not_linear(_health: Health, tuning: Tuning, loop: Loop) -> str:
+    return tuning.contradiction if loop.kp is None else ""
+
+
 def _sticks(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     if _of(health.stiction) <= STICKS_INDEX or _of(health.sp_moving) > LED_SP_SHARE:
         return ""
@@ -249,6 +258,8 @@ def _of(value: float | None) -> float:
 
 _LOOK = "find out what changed, and judge the loop on data from after it"
 _WIRING = "check the loop's tags in the loop table against the plant"
+_FACEPLATE = "compare form, kp, ti and td of the loop table with the block's faceplate, units included"
+_LAW = "find out what else moves OP: a gap, a gain that follows the error, an override, a feed-forward"
 _VALVE = "check the valve and its positioner before the tuning: stroke it in manual and see whether the cycle stops"
 _OTHERS = "find the source first: in manual, does the cycle stay? Then it comes from outside"
 _ROOM = "look for the bottleneck (valve size, bypass, pump), or a set point within reach"
@@ -274,6 +285,9 @@ TREE = (
     Branch("cascade_slave", _slave, EXPLAINS, "none; judge its master"),
     Branch("saturated", _at_limit, WITHHOLDS, _ROOM),
     Branch("saturated", _touches_limit, MARKS, _ROOM),
+    # is the controller the one of the loop table?
+    Branch("settings_mismatch", _mismatch, WITHHOLDS, _FACEPLATE),
+    Branch("", _not_linear, WITHHOLDS, _LAW),
     # is it the valve?
     Branch("stiction", _sticks, WITHHOLDS, _VALVE),
     # does it oscillate for another reason?

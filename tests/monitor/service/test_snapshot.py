@@ -30,7 +30,7 @@ class Run:
         self.folder, self.now = folder, START * 10**9
         self.bus, self.store = FakeBus(), quick(folder)
         self.heard: list[Any] = []
-        self.loops = LoopTable([Loop(name=n, kp=1.0, ti=20.0, period=1.0) for n in names])
+        self.loops = LoopTable([Loop(name=n, kp=1.0, period=1.0) for n in names])
         self.service = Service(
             Config(loops="t" if names else "", **config), self.loops, self.bus, self.store,
             heard=self.heard.append, clock=lambda: self.now, monotonic=lambda: self.now * 1e-9,

@@ -9,6 +9,7 @@ import pytest
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow
 from monitor.health.loop_health import Health
+from monitor.verdict.in_force import InForce
 from monitor.verdict.parts import Suggested, Tuning
 from monitor.verdict.row import loop_row
 from monitor.verdict.tree import TREE, WITHHOLDS
@@ -16,7 +17,7 @@ from monitor.verdict.tree import TREE, WITHHOLDS
 FLAGS = {
     "manual", "saturated", "stuck_pv", "idle", "stale", "oscillating", "stiction", "offset", "compressed",
     "undersampled", "mapping_suspect", "config_change", "cascade_slave", "noisy_op", "no_integral",
-    "permanent_upset",
+    "permanent_upset", "settings_mismatch",
 }  # fmt: skip
 
 LOOP = Loop(name="LIC-1", kp=2.0, ti=100.0, op_low=0.0, op_high=100.0)
@@ -51,7 +52,7 @@ def tuned(verdict: str, ms: float = 1.6) -> Tuning:
 
 def conclude(tuning: Tuning, loop: Loop, health: Health) -> LoopRow:
     """Return the row, which walks the tree."""
-    return loop_row(loop, tuning, health)
+    return loop_row(InForce(loop), tuning, health)
 
 
 SICK = {

@@ -1,0 +1,70 @@
+"""Which process an event shows: the kinds that the loop may be, the one that the data leave, and its rivals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from monitor.contract.loops import Loop
+from monitor.detect.event import LOAD_STEP, ClosedEvent
+from monitor.identify.direct import fit_kinds
+from monitor.identify.fit import Fit, contradictory, decide, rivals_of
+from monitor.identify.indirect import LEAST_OP_EXPLAINED, indirect_fit, op_explained
+from tuners.models import INTEGRATING, SELF_REGULATING
+
+from .evidence import NOISY_RANGE_SHARE, is_explained
+from .reference import settings_of
+
+
+def model_of_event(loop: Loop, event: ClosedEvent) -> tuple[Fit | None, bool, str]:
+    """Return the model that an event shows, whether its kind is beyond doubt, and what contradicts the table's kind.
+
+    Where the kind that the table declares does not explain the event, and the other one does, that is the process.
+    """
+    fit, decided = _identify(loop, event)
+    if fit is None or loop.process == "auto" or not decided or is_explained(fit, event):
+        return fit, decided, ""
+    other, sure = decide(_both_kinds(event), float(event.window.time[-1]))
+    if other is None or not sure or other.process == fit.process or not is_explained(other, event):
+        return fit, decided, ""
+    return other, True, f"the table calls the process {loop.process}, the data show a {other.process} one"
+
+
+def rivals(event: ClosedEvent, fit: Fit) -> tuple[Fit, ...]:
+    """Return the models of the other kind of process that an event does not exclude."""
+    both = _both_kinds(event)
+    mine = next((f for f in both if f.process == fit.process), fit)
+    others = [replace(f, extra_delay=fit.extra_delay) for f in both if f.process != fit.process]
+    return rivals_of(mine, others)
+
+
+def _both_kinds(event: ClosedEvent) -> list[Fit]:
+    """Fit both kinds of process, their likelihoods comparable."""
+    return fit_kinds(event.window, [INTEGRATING, SELF_REGULATING], event.kind == LOAD_STEP, event.period)
+
+
+def _identify(loop: Loop, event: ClosedEvent) -> tuple[Fit | None, bool]:
+    """Fit the kinds of process that the loop may be; return the best and whether the kind is beyond doubt.
+
+    Directly first. A set-point step under much noise is also fitted by simulating the closed loop, where the known
+    settings reproduce OP: noise that travels round the loop biases the direct fit, while a wrong order of the
+    model costs the simulated loop more. After a load step the simulated loop has false minima and is left out.
+    """
+    kinds = [INTEGRATING, SELF_REGULATING] if loop.process == "auto" else [loop.process]
+    window, period, load = event.window, event.period, event.kind == LOAD_STEP
+    span = float(window.time[-1])
+    direct = fit_kinds(window, kinds, load, period)
+    best, decided = decide(direct, span)
+    settings = settings_of(loop)
+    noisy = best is not None and best.sigma >= NOISY_RANGE_SHARE * float(np.ptp(window.pv))
+    if best is None or load or settings is None or not noisy:
+        return best, decided
+    if op_explained(window, settings, period) < LEAST_OP_EXPLAINED:
+        return best, decided
+    fits = [indirect_fit(window, period, settings, f) for f in ([best] if decided else direct)]
+    better = [f for f in fits if f is not None and is_explained(f, event) and not contradictory([f], best)]
+    if not better:
+        return best, decided
+    chosen, sure = decide(better, span)
+    return chosen, decided or (sure and len(better) == len(direct))

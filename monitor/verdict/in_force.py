@@ -1,0 +1,192 @@
+"""The settings that a loop runs under: as its table has them, as the data show them, and since when."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import msgspec
+
+from monitor.contract.loops import Loop
+from monitor.contract.times import in_words
+from monitor.detect.event import EventWindow
+from monitor.identify.controller import see_controller
+from monitor.identify.controller_seen import (
+    AS_DECLARED,
+    BESIDE,
+    CONTRADICTED,
+    NOT_LINEAR,
+    UNRESOLVED,
+    Controller,
+    combined,
+    differ,
+)
+from tuners.settings import Settings
+
+TABLE, DATA = "table", "data"
+"""Where the settings in force are known from."""
+MOST_WINDOWS = 8
+"""Windows that are kept of what the data show of a controller."""
+TOLD_SHARE = 0.01
+"""Relative difference of a setting from which it is told."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """Settings that have changed without anybody saying so."""
+
+    after: int
+    """End of the last samples that show the old ones [ns since 1970]."""
+    before: int
+    """Begin of the first samples that show the new ones [ns since 1970]."""
+    old: Settings
+    new: Settings
+
+
+@dataclass(slots=True)
+class InForce:
+    """What is known of a loop's controller.
+
+    The loop table is believed until the data contradict it. Where they did so from the beginning, the table is wrong;
+    where its settings were seen before, somebody has changed them since, and those seen now are the loop's.
+    """
+
+    table: Loop
+    """The loop's row of its table."""
+    seen: Controller | None = None
+    """The controller of today as the data show it, the last windows together."""
+    contradiction: str = ""
+    """In what the data contradict the table, or any linear controller, in words; empty where they do not."""
+    change: Change | None = None
+    """The last change that was seen."""
+    _loop: Loop | None = None
+    """The row with settings of the data, where those are in force."""
+    _confirmed: bool = False
+    """The table's settings have been seen."""
+    _windows: list[Controller] = field(default_factory=list)
+    """What the last windows under the settings of today show."""
+    _until: int = 0
+    """End of the last samples that show the settings of today [ns since 1970]."""
+
+    @property
+    def loop(self) -> Loop:
+        """The loop's row, with the settings in force."""
+        return self.table if self._loop is None else self._loop
+
+    @property
+    def source(self) -> str:
+        """`TABLE`, `DATA`, or empty where the settings are not known."""
+        if self._loop is not None:
+            return DATA
+        return "" if self.table.kp is None else TABLE
+
+    @property
+    def extra_delay(self) -> float:
+        """Dead time that the controller adds to the process [s]."""
+        return 0.0 if self.seen is None else self.seen.delay
+
+    def look(self, window: EventWindow, start: int, end: int, period: float) -> bool:
+        """Look at the controller in some samples; return whether it has other settings than before.
+
+        Parameters
+        ----------
+        start, end
+            Of the window [ns since 1970].
+        period
+            Of the samples [s].
+        """
+        found = see_controller(window, period, self.table if self._loop is None else _bare(self.table))
+        if found is None or found.said == UNRESOLVED:
+            return False
+        if found.said == NOT_LINEAR:
+            self.contradiction = found.cause
+            return False
+        changed = self._by_data(found, window, start, period) if self._loop else self._by_table(found, start)
+        self._until = max(end, self._until)
+        return changed
+
+    def _by_table(self, found: Controller, start: int) -> bool:
+        """Take over what a window shows, while the table is believed, or was never seen to be right."""
+        if found.said == CONTRADICTED and not self._confirmed:
+            self.contradiction = found.cause
+            return self._are(found, start)
+        self.contradiction = ""
+        if found.said in {AS_DECLARED, BESIDE}:
+            self._confirmed = True
+        else:
+            self._loop = _with(self.table, found)
+        return self._are(found, start)
+
+    def _by_data(self, found: Controller, window: EventWindow, start: int, period: float) -> bool:
+        """Take over what a window shows, while the settings of the data are believed."""
+        self.contradiction = ""
+        if self.seen is None or not differ(self.seen, found):
+            changed = self._are(found, start)
+        else:
+            back = None if self.table.kp is None else see_controller(window, period, self.table)
+            by_table = back is not None and back.said in {AS_DECLARED, BESIDE}
+            changed = self._are(back if back is not None and by_table else found, start)
+            if by_table:
+                self._loop = None
+                return changed
+        if self.seen is not None:
+            self._loop = _with(self.table, self.seen)
+        return changed
+
+    def _are(self, found: Controller, start: int) -> bool:
+        """Note what a window from ``start`` [ns] on shows; return whether it is something else than before."""
+        old = self.seen
+        changed = old is not None and bool(differ(old, found))
+        self._windows = [found] if changed else [*self._windows, found][-MOST_WINDOWS:]
+        self.seen = combined(self._windows)
+        if changed and old is not None and old.settings is not None and found.settings is not None:
+            self.change = Change(self._until, start, old.settings, found.settings)
+        return changed
+
+
+def _bare(loop: Loop) -> Loop:
+    """Return a loop's row without settings."""
+    return msgspec.structs.replace(loop, kp=None, ti=float("inf"), td=0.0, tf=None)
+
+
+def _with(loop: Loop, found: Controller) -> Loop:
+    """Return a loop's row with the settings seen, in its own form where that can hold them."""
+    settings, form = found.settings_in(loop.canonical_form), loop.form
+    if settings is None:
+        settings, form = found.settings, "standard"
+    if settings is None:
+        return loop
+    kp, ti, td, tf = (float(x) for x in (settings.kp, settings.ti, settings.td, settings.tf))
+    return msgspec.structs.replace(
+        loop,
+        form=form,
+        kp=kp,
+        ti=ti,
+        td=td,
+        tf=tf if td > 0 else None,
+        b=float(settings.b),
+        c=float(settings.c),
+    )
+
+
+def change_in_words(change: Change) -> str:
+    """Say that settings have changed, when, and which ones.
+
+    Examples
+    --------
+    >>> change = Change(0, 1_795_486_200 * 10**9, Settings(2.0, 60.0), Settings(3.5, 60.0))
+    >>> change_in_words(change)
+    'retuned on Tuesday 2026-11-24, 02:10 UTC, or shortly before: kp 2 to 3.5'
+    """
+    old, new = change.old, change.new
+    pairs = [("kp", old.kp, new.kp, ""), ("ti", old.ti, new.ti, " s"), ("td", old.td, new.td, " s")]
+    moved = [
+        f"{name} {_short(float(a))} to {_short(float(b))}{unit}"
+        for name, a, b, unit in pairs
+        if not math.isclose(float(a), float(b), rel_tol=TOLD_SHARE)
+    ]
+    return f"retuned on {in_words(change.before)}, or shortly before: {', '.join(moved)}"
+
+
+def _short(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else "none"

@@ -1,0 +1,107 @@
+"""The settings in force: the table is believed until the data contradict it; a change is noticed by itself."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor.contract.loops import Loop
+from monitor.contract.samples import Samples
+from monitor.detect.event import EventWindow
+from monitor.verdict.in_force import DATA, TABLE, InForce, change_in_words
+from tests.support.plants import stepped
+from tests.support.runs import run
+
+RIGHT = Loop(name="L", kp=2.0, ti=80.0)
+WRONG = Loop(name="L", kp=2.0, ti=80.0 / 60.0)
+START = 1_767_225_600 * 10**9
+
+
+def window(kp: float = 2.0, ti: float = 80.0) -> EventWindow:
+    """Return a set-point step of a loop with these settings."""
+    samples = stepped(500, kp=kp, ti=ti, noise=0.02, seed=3)
+    time = (samples.time - samples.time[200]) * 1e-9
+    return EventWindow(time, samples.sp, samples.pv, samples.op, 200)
+
+
+def looked(in_force: InForce, *windows: EventWindow) -> list[bool]:
+    """Look at windows, one every hour."""
+    hour = 3600 * 10**9
+    return [
+        in_force.look(w, START + k * hour, START + k * hour + 500 * 10**9, 1.0) for k, w in enumerate(windows)
+    ]
+
+
+def test_a_right_table_is_believed():
+    """Its settings are the loop's; nothing is contradicted, nothing has changed."""
+    in_force = InForce(RIGHT)
+    assert looked(in_force, window(), window()) == [False, False]
+    assert (in_force.source, in_force.loop, in_force.contradiction) == (TABLE, RIGHT, "")
+    assert in_force.extra_delay == 0.0
+    assert in_force.seen is not None
+    assert in_force.seen.ti.value == pytest.approx(80.0, rel=0.05)
+
+
+def test_a_wrong_table_is_contradicted_until_the_data_agree():
+    """From the first window on; once the loop runs by the table's settings it is right, and somebody has retuned it."""
+    in_force = InForce(RIGHT)
+    assert looked(in_force, window(kp=0.5)) == [False]
+    assert "table" in in_force.contradiction
+    assert in_force.source == TABLE
+    assert looked(in_force, window()) == [True]
+    assert in_force.contradiction == ""
+
+
+def test_minutes_for_seconds_are_named():
+    """A table in minutes."""
+    in_force = InForce(WRONG)
+    looked(in_force, window())
+    assert "minutes" in in_force.contradiction
+
+
+def test_without_a_table_the_settings_are_those_seen():
+    """In the loop's own form."""
+    in_force = InForce(Loop(name="L", form="parallel"))
+    assert in_force.source == ""
+    assert looked(in_force, window()) == [False]
+    assert in_force.source == DATA
+    assert in_force.loop.kp == pytest.approx(2.0, rel=0.05)
+    assert in_force.loop.ti == pytest.approx(80.0, rel=0.05)
+    assert in_force.loop.form == "parallel"
+
+
+@pytest.mark.parametrize("table", [RIGHT, Loop(name="L")])
+def test_a_change_is_noticed_by_itself(table):
+    """Two windows under the old settings, then one under new ones: those are in force; it is said when, and which."""
+    in_force = InForce(table)
+    assert looked(in_force, window(), window(), window(kp=3.5)) == [False, False, True]
+    assert in_force.source == DATA
+    assert in_force.loop.kp == pytest.approx(3.5, rel=0.05)
+    assert in_force.change is not None
+    assert in_force.change.before == START + 2 * 3600 * 10**9
+    assert "kp 2 to 3.5" in change_in_words(in_force.change)
+    assert not in_force.contradiction
+
+
+def test_back_to_the_table_s_settings():
+    """What was retuned and put back is again as the table says."""
+    in_force = InForce(RIGHT)
+    assert looked(in_force, window(), window(kp=3.5), window()) == [False, True, True]
+    assert (in_force.source, in_force.loop) == (TABLE, RIGHT)
+
+
+def test_an_engine_tells_before_from_after():
+    """A loop retuned between two steps, in one export, and the table has the old settings."""
+    first, second = stepped(1500, kp=0.6, ti=240.0, noise=0.01), stepped(1500, kp=2.0, ti=80.0, noise=0.01)
+    second = replace(second, time=second.time + 1500 * 10**9)
+    columns = (np.concatenate([getattr(s, n) for s in (first, second)]) for n in ("time", "sp", "pv", "op"))
+    engine, seen = run(Loop(name="L", kp=0.6, ti=240.0), Samples.of(0, *columns))
+    row = engine.row(0)
+    assert "retuned on" in row.reason
+    assert "kp 0.6 to 2" in row.reason
+    assert (row.settings_source, row.kp) == ("data", pytest.approx(2.0, rel=0.05))
+    assert math.isfinite(row.ti_seen or math.inf)
+    assert len(seen.assessments) >= 2

@@ -133,7 +133,7 @@ def event(drawn: Drawn, rig: Rig, stage: int) -> tuple[Floats, Floats, Floats]:
     error = np.abs(sp - pv)[onset:]
     over = int(np.flatnonzero(error > 0.01 * error.max())[-1])
     last = min(onset + 2 * over + 150 * drawn.every, most)
-    each = min(drawn.every, rig.scan)
+    each = 1 if drawn.kind.recording == "unsynchronised" else min(drawn.every, rig.scan)
     noise = drawn.noise * np.repeat(rng.standard_normal(last // each + 1), each)[:last]
     pv, op = rig.run(sp[:last], load[:last], noise, added[:last])
     return sp[:last], pv, op
@@ -144,13 +144,14 @@ def record(drawn: Drawn, columns: tuple[Floats, Floats, Floats], first: int, sta
     rng = np.random.default_rng([drawn.seed, stage, 3])
     every, how, extra = drawn.every, drawn.kind.recording, drawn.extra
     sp, pv, op = columns
+    start = first + (-first % every)
     if how == "averaged":
         n = len(sp) // every
         sp = sp[: n * every : every]
         pv, op = (x[: n * every].reshape(n, every).mean(axis=1) for x in (pv, op))
-    else:
-        sp, pv, op = (x[-first % every :: every] for x in (sp, pv, op))
-    start = first + (-first % every)
+    else:  # unsynchronised: the historian looks some time after the block has run
+        offset = 1 + int(extra["a"] * (every - 1)) if how == "unsynchronised" else -first % every
+        sp, pv, op = (x[offset::every] for x in (sp, pv, op))
     time = START_S + (start + every * np.arange(len(sp))) * drawn.rig.step
     if how == "op-late":
         late = 1 + int(6 * extra["a"])

@@ -114,6 +114,8 @@ def _kinds() -> list[Kind]:
         Kind("pv-quantised", RECORDING, recording="pv-quantised"),
         Kind("swinging-door", RECORDING, recording="swinging-door"),
         Kind("exception-deadband", RECORDING, recording="exception"),
+        Kind("unsynchronised", RECORDING, recording="unsynchronised"),
+        Kind("odd-scan", RECORDING, block="odd-scan"),
         Kind("jittered-times", RECORDING, recording="jitter"),
         Kind("feed-forward", RECORDING, block="feed-forward"),
         Kind("noise-3pct", RECORDING, noise=0.03),
@@ -220,6 +222,8 @@ def _loop(rng: Rng, kind: Kind, number: int, event: str) -> Drawn:
     every, scan = SUBSTEPS, SUBSTEPS
     if kind.block == "slow-scan":
         every, scan = 2, 2 * int(rng.integers(3, 11))
+    if kind.block == "odd-scan":  # no multiple of the recorded period
+        scan = int(rng.choice([5, 6, 7, 9, 10, 11, 13, 14]))
     if kind.recording in {"coarse", "averaged"}:
         every, scan = int(rng.integers(3, 11)), 1
     step = period / every
@@ -261,6 +265,8 @@ def settings(rng: Rng, plant: Plant, wait: float, kind: Kind) -> Law:
     else:
         kp, ti = lag / (plant.slope * 2 * theta), min(lag, 8 * theta)
     kp, ti = kp * log(rng, 0.13, 2.2), ti * log(rng, 0.4, 5.0)
+    if kind.table == "series":
+        ti = td * log(rng, 3.0, 10.0)  # else the forms are all but the same
     forms = ["series", "standard"] if kind.group == TABLE else ["series", "standard", "parallel"]
     form = str(rng.choice(forms)) if kind.table != "series" else "series"
     if td and form != "series":

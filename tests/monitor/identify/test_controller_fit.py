@@ -27,7 +27,9 @@ NOWHERE = Place(0.0, 0.0, 0.0)
 def rows_of(op_noise: float = 0.0, seed: int = 0, **facts: object) -> Rows:
     sp, pv, op = recorded(Block(), noise=0.1, seed=seed, **facts)  # type: ignore[arg-type]
     rows = lay_out(
-        window_of(sp, pv, op + np.random.default_rng(seed).normal(0, op_noise, len(op))), 1.0, Loop(name="L")
+        window_of(sp, pv, op + np.random.default_rng(seed + 1000).normal(0, op_noise, len(op))),
+        1.0,
+        Loop(name="L"),
     )
     assert rows is not None
     return rows

@@ -1,8 +1,15 @@
-"""The controller, seen in the data: what settings, filter, delay and pace of execution explain OP by SP and PV."""
+"""The controller, seen in the data: what settings, filter, delay and pace of execution explain OP by SP and PV.
+
+From the cheapest question to the dearest: does the table explain OP to rounding, as it is; do other gains; does the
+table with a PV filter or a delay; do other gains with these. A table is contradicted only where other gains explain OP
+far better, and where its own lie outside of what the data allow: beyond four standard deviations, beyond what noise in
+PV that the controller did not see could hide, and beyond what the way in which a block integrates may shift.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +19,11 @@ from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
 from tuners.settings import NotRepresentableError, Settings
 
-from .controller_cause import cause_of
+from .controller_cause import cause_of, same
 from .controller_fit import (
     EXACT_SHARE,
     MOST_JUMPS_SHARE,
     THINNED_SHARE,
-    Z95,
     Estimate,
     Known,
     Place,
@@ -28,7 +34,7 @@ from .controller_fit import (
     trimmed,
     walk_share,
 )
-from .controller_law import INTEGRAL, D, P, columns
+from .controller_law import INTEGRAL, D, P, columns, compared
 from .controller_rows import LEAST_ROWS, Rows, lay_out
 from .controller_seen import (
     AS_DECLARED,
@@ -37,15 +43,63 @@ from .controller_seen import (
     FOUND,
     UNRESOLVED,
     Controller,
-    Interval,
+    intervals,
 )
 
 FAR_BETTER = 0.25
 """Share of the squares that is left where another law is taken for the true one."""
-WELL_EXPLAINED, FINE = 0.98, 0.8
-"""Shares of OP's levels, and of its moves from row to row, that such a law must explain."""
+WELL_EXPLAINED, FINE, EXACT = 0.98, 0.8, 1.0 - 1e-5
+"""Shares of OP's levels, and of its moves from row to row, that such a law must explain; of the moves, to be exact."""
 FAR_SD = 4.0
 """Standard deviations from which a gain is another one."""
+SLACK_SHARE, EXACT_SLACK_SHARE = 0.01, 0.003
+"""Share of a gain that is no difference; where the law is exact."""
+DERIVATIVE_SLACK_SHARE, EXACT_DERIVATIVE_SLACK_SHARE = 0.3, 0.02
+"""The same of kd, which a block's filter and way of taking differences shift."""
+FORGETS_FILTERS = 8.0
+"""Derivative filter times after which its unknown start is forgotten."""
+LEAST_FILTER_PERIODS = 0.05
+"""A PV filter shorter than this is none."""
+NARROW_RATIO, NARROW_TIME_RATIO = 1.15, 1.25
+"""Ratio to the ends of their intervals up to which kp and ti are known."""
+FAR_RATIO = 2.0
+"""Ratio to the ends of its interval from which kp is hardly known."""
+FAR_KP_RATIO, FAR_TI_RATIO = 1.15, 1.25
+"""Ratios from which inexact gains are other ones."""
+MOVES_WITH_DERIVATIVE = 0.999
+"""Share of OP's moves that is explained where the samples show a derivative."""
+NOWHERE = Place(0.0, 0.0, 0.0)
+FREE = np.full(4, np.nan)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Case:
+    """Rows, as recorded and at which the controller ran, and the law that is asked for."""
+
+    rows: Rows
+    recorded: Rows
+    loop: Loop
+    known: Known
+
+    def controller(
+        self, said: str, found: Estimate | None, place: Place, share: float, cause: str = ""
+    ) -> Controller:
+        """Return what is said, of settings as found or, without, of the table's."""
+        exact = Estimate.exact(self.known.gains) if found is None else found
+        kp, ti, td = intervals(exact)
+        return Controller(
+            said=said,
+            settings=None if said == UNRESOLVED else settings_of_gains(exact.gains, self.known),
+            kp=kp,
+            ti=ti,
+            td=td,
+            explained=min(max(share, 0.0), 1.0),
+            pv_filter=place.filter_time,
+            op_delay=place.late * self.rows.period,
+            scan=self.rows.period if self.rows.stride == 1 else self.rows.period / self.rows.stride,
+            period=self.recorded.period / self.recorded.stride,
+            cause=cause,
+        )
 
 
 def see_controller(window: EventWindow, period: float, loop: Loop) -> Controller | None:
@@ -56,54 +110,62 @@ def see_controller(window: EventWindow, period: float, loop: Loop) -> Controller
     period
         Of the samples [s].
     """
-    rows = lay_out(window, period, loop)
-    if rows is None:
+    recorded = lay_out(window, period, loop)
+    if recorded is None:
         return None
-    sampled = rows.at_scans() if rows.scan > 1 else rows
-    if len(sampled) < LEAST_ROWS:
+    rows = recorded.at_scans() if recorded.scan > 1 else recorded
+    if len(rows) < LEAST_ROWS:
         return None
     known = known_of(loop)
     if known is None:
-        return _without_table(sampled, rows)
-    return _as_declared(sampled, rows, known) or _searched(sampled, rows, loop, known)
+        return _without_table(Case(rows, recorded, loop, UNKNOWN_PI))
+    case = Case(_settled(rows, known), recorded, loop, known)
+    return _as_declared(case) or _searched(case)
+
+
+UNKNOWN_PI = Known(1.0, 1.0, 0.0, 0.0, 1.0, 1.0, derivative=False)
 
 
 def known_of(loop: Loop) -> Known | None:
     """Return the table's settings as a law in standard form, None where there are none."""
-    if loop.settings is None:
+    own = loop.settings
+    if own is None:
         return None
     try:
-        s = loop.settings.to("standard")
-    except NotRepresentableError:
-        return None
-    return Known(float(s.kp), float(s.ki), float(s.kd), float(s.filter_time), float(s.b), float(s.c))
+        s = own.to("standard")
+    except NotRepresentableError:  # numbers that no such block can have: read as they stand
+        s = replace(own, form="standard")
+    tf = float(own.filter_time)
+    return Known(float(s.kp), float(s.ki), float(s.kd), tf, float(s.b), float(s.c), derivative=loop.td > 0)
 
 
-def _as_declared(rows: Rows, all_rows: Rows, known: Known) -> Controller | None:
+def _settled(rows: Rows, known: Known) -> Rows:
+    """Return the rows without the first ones, in which the derivative's unknown start is seen."""
+    if not known.derivative:
+        return rows
+    use = rows.use.copy()
+    use[: 2 + math.ceil(FORGETS_FILTERS * known.tf / (known.tf + rows.period))] = False
+    return replace(rows, use=use)
+
+
+def _as_declared(case: Case) -> Controller | None:
     """Return what is said where the table explains OP to rounding, but for sparse jumps of its own; cheap."""
+    rows, known = case.rows, case.known
     for present in (1.0, 0.5, 0.0):
         x = columns(rows.time, rows.sp, rows.pv, known.law(rows, present), 0.0, 0)
-        rest, wish = rows.op - x @ known.gains, x @ known.gains
-        told = rows.use.copy()
-        told[1:] &= rows.use[:-1] & ~rows.fresh[1:]
-        told[0] = False
-        v = np.diff(rest, prepend=rest[0])
-        moved = float(np.std(wish[rows.use]))
-        exact = max((EXACT_SHARE if rows.stride == 1 else THINNED_SHARE) * moved, 0.6 * rows.quantum)
-        at = np.flatnonzero(told & (np.abs(v) > 4.0 * exact))
-        if len(at) > max(MOST_JUMPS_SHARE * len(rows), 2) or moved <= 2.0 * rows.quantum:
-            continue
-        level = np.cumsum(rows.fresh | ~told | np.isin(np.arange(len(rows)), at))
-        count = np.bincount(level[rows.use])
-        mean = np.bincount(level[rows.use], rest[rows.use]) / np.maximum(count, 1)
-        left_over = rest[rows.use] - mean[level[rows.use]]
-        if float(np.std(left_over)) <= exact:
-            share = 1.0 - float(np.var(left_over)) / max(float(np.var(rows.op[rows.use])), 1e-300)
-            return _beside(rows, all_rows, known, Place(0.0, 0.0, 0.0), share, _jumps_said(at, rows))
+        share = EXACT_SHARE if rows.stride == 1 else THINNED_SHARE
+        jump, rest, allowed, moved, spread = compared(
+            x, known.gains, rows.op, rows.use, rows.fresh, share, rows.quantum
+        )
+        few = np.count_nonzero(jump) <= max(MOST_JUMPS_SHARE * len(rows), 2)
+        if few and rest <= allowed and moved > 2.0 * rows.quantum:
+            at = np.flatnonzero(jump)
+            return _declared(case, NOWHERE, 1.0 - (rest / max(spread, 1e-300)) ** 2, _jumps_said(rows, at))
     return None
 
 
-def _jumps_said(at: NDArray[np.intp], rows: Rows) -> str:
+def _jumps_said(rows: Rows, at: NDArray[np.intp]) -> str:
+    """Say that OP jumps by itself, where it does."""
     moved = np.zeros(len(rows), bool)
     moved[1:] = np.diff(rows.sp) != 0
     sudden = at[~moved[at]]
@@ -113,161 +175,129 @@ def _jumps_said(at: NDArray[np.intp], rows: Rows) -> str:
     return f"OP jumps {times} where neither set point nor PV moves: a feed-forward or an operator"
 
 
-def _beside(
-    rows: Rows,
-    all_rows: Rows,
-    known: Known,
-    place: Place,
-    share: float,
-    cause: str,
-    bounds: Estimate | None = None,
+def _declared(
+    case: Case, place: Place, share: float, cause: str = "", found: Estimate | None = None
 ) -> Controller:
     """Return what is said where the table holds, perhaps with a filter, a delay or a slow scan."""
-    t, late = place.filter_time, place.late * rows.period
-    found = []
-    if t > 0.05 * rows.period:
-        found.append(f"a PV filter of {t:.3g} s")
+    late = place.late * case.rows.period
+    shown = []
+    if place.filter_time > LEAST_FILTER_PERIODS * case.rows.period:
+        shown.append(f"a PV filter of {place.filter_time:.3g} s")
     if late > 0:
-        found.append(f"a delay of {late:.3g} s")
-    if rows.period > all_rows.period:
-        found.append(f"a controller that runs each {rows.period:.3g} s")
-    said = BESIDE if found else AS_DECLARED
-    more = f"OP behaves as with {' and '.join(found)}" if found else ""
-    settings = Settings(
-        known.kp,
-        known.kp / known.ki if known.ki else math.inf,
-        known.kd / known.kp,
-        known.tf,
-        "standard",
-        known.b,
-        known.c,
-    )
-    kp, ti, td = (Interval(float(v), float(v), float(v)) for v in (settings.kp, settings.ti, settings.td))
-    if bounds is not None:
-        kp, ti, td = intervals(bounds)
-    return Controller(
-        said,
-        settings,
-        kp,
-        ti,
-        td,
-        min(max(share, 0.0), 1.0),
-        t,
-        late,
-        rows.period,
-        all_rows.period,
-        "; ".join(c for c in (more, cause) if c),
+        shown.append(f"a delay of {late:.3g} s")
+    if len(case.rows) < len(case.recorded):
+        shown.append(f"an execution (scan) each {case.rows.period:.3g} s")
+    more = f"OP behaves as with {' and '.join(shown)}" if shown else ""
+    said = BESIDE if shown else AS_DECLARED
+    return case.controller(
+        said, found, place if shown else NOWHERE, share, "; ".join(c for c in (more, cause) if c)
     )
 
 
-def intervals(found: Estimate, z: float = Z95) -> tuple[Interval, Interval, Interval]:
-    """Return kp, ti and td with their intervals."""
-    kp, ki, kd = (float(g) for g in found.gains[:3])
-    ends = found.ends(P, z)
-    ti = td = Interval(math.inf, math.inf, math.inf)
-    if ki != 0 and kp != 0:
-        ti = _ratio(kp / ki, ends, found.ends(INTEGRAL, z))
-    td = _ratio(kd / kp, found.ends(D, z), ends) if kd != 0 and kp != 0 else Interval(0.0, 0.0, 0.0)
-    return Interval(kp, *ends), ti, td
-
-
-def _ratio(value: float, above: tuple[float, float], below: tuple[float, float]) -> Interval:
-    """Return a ratio with the ends that both ends allow together."""
-    low_a, high_a = (
-        sorted(abs(a) for a in above) if above[0] * above[1] > 0 else (0.0, max(abs(a) for a in above))
-    )
-    low_b, high_b = (
-        sorted(abs(b) for b in below) if below[0] * below[1] > 0 else (0.0, max(abs(b) for b in below))
-    )
-    return Interval(value, low_a / high_b if high_b else math.inf, high_a / low_b if low_b else math.inf)
-
-
-def _searched(rows: Rows, all_rows: Rows, loop: Loop, known: Known) -> Controller:
+def _searched(case: Case) -> Controller:
     """Return what is said where the table alone does not explain OP to rounding."""
-    free = np.full(4, np.nan)
-    rows = trimmed(rows, known.law(rows), known.active, 4.0 * rows.quantum)
-    walk = walk_share(rows, known.law(rows), known.active, free)
-    nowhere = Place(0.0, 0.0, 0.0)
-    s0 = left_at(rows, known, known.gains, walk, nowhere)
-    free_here = left_at(rows, known, free, walk, nowhere)
-    by_table = placed(rows, known, known.gains, walk)
-    s1 = left_at(rows, known, known.gains, walk, by_table)
-    fine1 = explained(rows, known, known.gains, by_table, 1.0)
-    share1 = explained(rows, known, known.gains, by_table, 0.0)
-    if s1 <= FAR_BETTER * s0 and share1 > WELL_EXPLAINED and fine1 > FINE:
-        return _beside(rows, all_rows, known, by_table, share1, "")
-    anywhere = placed(rows, known, free, walk)
-    s2 = left_at(rows, known, free, walk, anywhere)
-    best = anywhere if s2 <= FAR_BETTER * free_here else nowhere
-    found = estimate(rows, known, walk, best)
-    share0 = explained(rows, known, known.gains, nowhere, 0.0)
-    share2 = explained(rows, known, found.gains, best, 0.0)
-    if not against(known, found, rows):
-        return _beside(rows, all_rows, known, nowhere, share0, "", found)
-    clear = share2 > WELL_EXPLAINED
-    if clear and min(s0, s1) > found.place.squares / FAR_BETTER:
-        return _contradicted(rows, all_rows, loop, known, found, share0)
-    return Controller(
-        UNRESOLVED,
-        None,
-        *intervals(found),
-        min(max(share0, 0.0), 1.0),
-        scan=rows.period,
-        period=all_rows.period,
+    known = case.known
+    rows = trimmed(case.rows, known.law(case.rows), known.active, 4.0 * case.rows.quantum)
+    case = replace(case, rows=rows)
+    walk = walk_share(rows, known.law(rows), known.active, FREE)
+    share = explained(rows, known, known.gains, NOWHERE, 0.0)
+    s0 = left_at(rows, known, known.gains, walk, NOWHERE)
+    here = estimate(rows, known, walk, NOWHERE)
+    if explained(rows, known, here.gains, NOWHERE, 1.0) > EXACT:
+        if against(known, here, rows, exact=True):
+            return _contradicted(case, here, share)
+        return _declared(case, NOWHERE, share, "", here)
+    table = placed(rows, known, known.gains, walk)
+    s1 = left_at(rows, known, known.gains, walk, table)
+    best = here
+    if s1 <= FAR_BETTER * s0 and _well(rows, known, known.gains, table):
+        there = estimate(rows, known, walk, table)
+        if there.place.squares > FAR_BETTER * s1 or not against(known, there, rows):
+            return _declared(case, table, explained(rows, known, known.gains, table, 0.0))
+        best = there
+    free = estimate(rows, known, walk, placed(rows, known, FREE, walk))
+    if free.place.squares <= FAR_BETTER * best.place.squares:
+        best = free
+    if not against(known, best, rows):
+        sure = intervals(best)[0].ratio < FAR_RATIO or share > WELL_EXPLAINED
+        return (
+            _declared(case, NOWHERE, share, "", best)
+            if sure
+            else case.controller(UNRESOLVED, best, NOWHERE, share)
+        )
+    far_better = min(s0, s1) > best.place.squares / FAR_BETTER
+    if far_better and _far(known, best) and _shown(case, best):
+        return _contradicted(case, best, share)
+    return case.controller(UNRESOLVED, best, NOWHERE, share)
+
+
+def _far(known: Known, found: Estimate) -> bool:
+    """Whether gains lie so far from the table's that no way of recording explains it."""
+    kp, ki = float(found.gains[P]), float(found.gains[INTEGRAL])
+    if known.ki == 0:
+        return True
+    return not same(kp, known.kp, FAR_KP_RATIO) or not same(ki / known.ki, kp / known.kp, FAR_TI_RATIO)
+
+
+def _shown(case: Case, found: Estimate) -> bool:
+    """Whether the recording shows the controller well enough to contradict a table.
+
+    A derivative lives on what PV does from sample to sample: where a controller runs faster than the samples come, it
+    is taken for a large gain. Only where hardly anything is left of OP's moves has it been recorded.
+    """
+    rows, known = case.rows, case.known
+    levels, moves = (explained(rows, known, found.gains, found.place, walk) for walk in (0.0, 1.0))
+    if known.derivative:
+        return moves > MOVES_WITH_DERIVATIVE
+    kp, ti, _ = intervals(found)
+    return levels > WELL_EXPLAINED and (
+        moves > FINE or (kp.ratio < NARROW_RATIO and ti.ratio < NARROW_TIME_RATIO)
     )
 
 
-def against(known: Known, found: Estimate, rows: Rows) -> bool:
-    """Whether the table's gains lie outside of what the data allow, and of what a discretisation may shift."""
-    shift = abs(float(found.gains[INTEGRAL])) * rows.period
+def _well(rows: Rows, known: Known, gains: Array, place: Place) -> bool:
+    """Whether gains explain OP's levels and its moves from row to row."""
+    levels = explained(rows, known, gains, place, 0.0)
+    return levels > WELL_EXPLAINED and explained(rows, known, gains, place, 1.0) > FINE
+
+
+def against(known: Known, found: Estimate, rows: Rows, *, exact: bool = False) -> bool:
+    """Whether the table's gains lie outside of what the data allow, and of what a block's own ways may shift.
+
+    A block may count the present error to its integral, the last one, or half of each: kp then shifts by ``ki dt``, or
+    half of it.
+    """
+    shift = float(found.gains[INTEGRAL]) * rows.period
+    slack = EXACT_SLACK_SHARE if exact else SLACK_SHARE
     for which, declared in ((P, known.kp), (INTEGRAL, known.ki), (D, known.kd)):
-        if declared == 0.0:
+        if which == D and not known.derivative:
             continue
         low, high = found.ends(which, FAR_SD)
-        slack = 0.01 * abs(declared) + (shift if which == P else 0.0)
+        allowed = slack * max(abs(declared), abs(float(found.gains[which])) if declared == 0 else 0.0)
+        shifts: tuple[float, ...] = (0.0,)
         if which == D:
-            slack += 0.3 * abs(declared) + shift * rows.period
-        if not low - slack <= declared <= high + slack:
+            allowed = (EXACT_DERIVATIVE_SLACK_SHARE if exact else DERIVATIVE_SLACK_SHARE) * abs(declared)
+        elif which == P and exact and known.derivative:
+            shifts = (-1.0, -0.5, 0.0, 0.5, 1.0)
+        elif which == P:
+            allowed += abs(shift)
+        if not any(low - allowed <= declared + s * shift <= high + allowed for s in shifts):
             return True
     return False
 
 
-def _contradicted(
-    rows: Rows, all_rows: Rows, loop: Loop, known: Known, found: Estimate, share0: float
-) -> Controller:
+def _contradicted(case: Case, found: Estimate, share: float) -> Controller:
     """Return what is said where other settings explain OP and those of the table do not."""
+    seen = settings_of_gains(found.gains, case.known)
+    if seen is None:
+        return case.controller(UNRESOLVED, found, NOWHERE, share)
     kp, ti, td = intervals(found)
-    seen = settings_of_gains(found.gains, known)
-    declared = settings_of_gains(known.gains, known)
-    slack = _slack(kp), _slack(ti), _slack(td)
-    cause = "" if seen is None or declared is None else cause_of(loop, declared, seen, slack)
-    return Controller(
-        CONTRADICTED,
-        seen,
-        kp,
-        ti,
-        td,
-        min(max(share0, 0.0), 1.0),
-        found.place.filter_time,
-        found.place.late * rows.period,
-        rows.period,
-        all_rows.period,
-        cause,
-    )
-
-
-def _slack(interval: Interval) -> float:
-    """Return the ratio that an interval spans to its farther end."""
-    v, low, high = abs(interval.value), abs(interval.low), abs(interval.high)
-    if not (
-        v > 0 and math.isfinite(v) and low > 0 and high > 0 and math.isfinite(low) and math.isfinite(high)
-    ):
-        return 1.0
-    return max(v / low, low / v, high / v, v / high)
+    cause = cause_of(case.loop, seen, (kp.ratio, ti.ratio, td.ratio))
+    return case.controller(CONTRADICTED, found, found.place, share, cause)
 
 
 def settings_of_gains(gains: Array, known: Known) -> Settings | None:
-    """Return gains as settings of the standard form, with the table's filter and weights."""
+    """Return gains as settings in standard form, with the filter and weights of the law; None where they are none."""
     kp, ki, kd = (float(g) for g in gains[:3])
     if kp == 0 or ki / kp < 0:
         return None
@@ -277,34 +307,18 @@ def settings_of_gains(gains: Array, known: Known) -> Settings | None:
     )
 
 
-def _without_table(rows: Rows, all_rows: Rows) -> Controller:
-    """Return what is seen of a controller of which the table says nothing: PI, or P alone."""
-    known = Known(1.0, 1.0, 0.0, 0.0, 1.0, 1.0)
-    free = np.full(4, np.nan)
-    rows = trimmed(rows, known.law(rows), known.active, 4.0 * rows.quantum)
-    walk = walk_share(rows, known.law(rows), known.active, free)
-    nowhere = Place(0.0, 0.0, 0.0)
-    anywhere = placed(rows, known, free, walk)
-    best = (
-        anywhere
-        if left_at(rows, known, free, walk, anywhere)
-        <= FAR_BETTER * left_at(rows, known, free, walk, nowhere)
-        else nowhere
-    )
-    found = estimate(rows, known, walk, best)
-    kp, ti, td = intervals(found)
+def _without_table(case: Case) -> Controller:
+    """Return what is seen of a controller of which the table says nothing."""
+    known = case.known
+    rows = trimmed(case.rows, known.law(case.rows), known.active, 4.0 * case.rows.quantum)
+    case = replace(case, rows=rows)
+    walk = walk_share(rows, known.law(rows), known.active, FREE)
+    found = estimate(rows, known, walk, NOWHERE)
+    if explained(rows, known, found.gains, NOWHERE, 1.0) < EXACT:
+        free = estimate(rows, known, walk, placed(rows, known, FREE, walk))
+        found = free if free.place.squares <= FAR_BETTER * found.place.squares else found
+    kp, ti, _ = intervals(found)
     seen = settings_of_gains(found.gains, known)
-    share = explained(rows, known, found.gains, best, 0.0)
-    resolved = seen is not None and share > WELL_EXPLAINED and _slack(kp) < 1.15 and _slack(ti) < 1.25
-    return Controller(
-        FOUND if resolved else UNRESOLVED,
-        seen if resolved else None,
-        kp,
-        ti,
-        td,
-        min(max(share, 0.0), 1.0),
-        best.filter_time,
-        best.late * rows.period,
-        rows.period,
-        all_rows.period,
-    )
+    share = explained(rows, known, found.gains, found.place, 0.0)
+    clear = share > WELL_EXPLAINED and kp.ratio < NARROW_RATIO and ti.ratio < NARROW_TIME_RATIO
+    return case.controller(FOUND if clear and seen is not None else UNRESOLVED, found, found.place, share)

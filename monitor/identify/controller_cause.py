@@ -6,10 +6,12 @@ import math
 from collections.abc import Iterator
 
 from monitor.contract.loops import Loop
-from tuners.settings import NotRepresentableError, Settings
+from tuners.settings import FORMS, NotRepresentableError, Settings
 
-ALIKE_RATIO = 1.04
-"""Ratio of two numbers up to which one is taken for the other, whatever the intervals."""
+ALIKE_RATIO = 1.05
+"""Ratio of two numbers up to which one is taken for the other, where the intervals are narrower."""
+MOST_ALIKE_RATIO = 1.4
+"""The same where they are wider: beyond it, nearly anything would be alike."""
 KNOWN_RATIOS = (
     (100.0, "a fraction for a percentage"),
     (0.01, "a percentage for a fraction"),
@@ -18,42 +20,31 @@ KNOWN_RATIOS = (
 )
 """What OP or a gain is multiplied by where units are mixed up."""
 
+Slack = tuple[float, float, float]
 
-def cause_of(loop: Loop, declared: Settings, seen: Settings, slack: tuple[float, float, float]) -> str:
+
+def cause_of(loop: Loop, seen: Settings, slack: Slack) -> str:
     """Say what the likely mistake in the table is.
 
     Parameters
     ----------
-    declared, seen
+    seen
         Standard form.
     slack
         Ratios up to which kp, ti and td count as the same.
     """
-    slack = (max(slack[0], ALIKE_RATIO), max(slack[1], ALIKE_RATIO), max(slack[2], ALIKE_RATIO))
-    for settings, said in _other_forms(loop):
-        if _alike(settings, seen, slack):
-            return f"OP behaves as with the {said}"
+    kp_slack, ti_slack, td_slack = (min(max(s, ALIKE_RATIO), MOST_ALIKE_RATIO) for s in slack)
+    limits = kp_slack, ti_slack, td_slack
+    for form in FORMS if loop.td > 0 else ():
+        if form != loop.canonical_form and _alike(loop, _in_form(seen, form), slack):
+            return f"OP behaves as with the same numbers in the {form} form, the table says {loop.form}"
+    own = _in_form(seen, loop.canonical_form) or seen
     parts = [
-        _kp_said(loop, declared, seen, slack[0]),
-        _time_said("Ti", float(declared.ti), float(seen.ti), slack[1]),
+        _kp_said(loop, float(own.kp), limits[0]),
+        _time_said("Ti", loop.ti, float(own.ti), limits[1]),
+        _time_said("Td", loop.td, float(own.td), limits[2]) if loop.td > 0 or own.td > 0 else "",
     ]
-    if declared.td != 0 or seen.td != 0:
-        parts.append(_time_said("Td", float(declared.td), float(seen.td), slack[2]))
     return "; ".join(p for p in parts if p)
-
-
-def _other_forms(loop: Loop) -> Iterator[tuple[Settings, str]]:
-    """Return the table's numbers read in the other forms."""
-    if loop.kp is None or loop.td == 0:
-        return
-    for form in ("series", "standard"):
-        if form == loop.canonical_form:
-            continue
-        try:
-            own = Settings(loop.kp, loop.ti, loop.td, loop.filter_time, form, loop.b, loop.c)
-            yield own.to("standard"), f"same numbers in the {form} form, the table says {loop.form}"
-        except NotRepresentableError:
-            continue
 
 
 def same(one: float, other: float, slack: float) -> bool:
@@ -65,42 +56,54 @@ def same(one: float, other: float, slack: float) -> bool:
     return abs(math.log(one / other)) <= math.log(slack)
 
 
-def _alike(one: Settings, other: Settings, slack: tuple[float, float, float]) -> bool:
-    pairs = ((one.kp, other.kp), (one.ti, other.ti), (one.td, other.td))
-    return all(same(float(a), float(b), s) for (a, b), s in zip(pairs, slack, strict=True))
+def _in_form(seen: Settings, form: str) -> Settings | None:
+    try:
+        return seen.to(form)
+    except NotRepresentableError:
+        return None
 
 
-def _kp_said(loop: Loop, declared: Settings, seen: Settings, slack: float) -> str:
-    kp, table = float(seen.kp), float(declared.kp)
+def _alike(loop: Loop, own: Settings | None, slack: Slack) -> bool:
+    """Whether settings are the table's numbers; closer than the forms lie to each other."""
+    if own is None or loop.kp is None:
+        return False
+    least = 1.0 + 0.2 * min(loop.td / loop.ti, 1.0)  # the forms differ in kp by 1 + td/ti
+    pairs = ((loop.kp, own.kp), (loop.ti, own.ti), (loop.td, own.td))
+    return all(
+        same(float(a), float(b), min(max(s, least), MOST_ALIKE_RATIO))
+        for (a, b), s in zip(pairs, slack, strict=True)
+    )
+
+
+def _kp_said(loop: Loop, kp: float, slack: float) -> str:
+    table = loop.kp or math.nan
     if same(kp, table, slack):
         return ""
     said = f"OP behaves as with kp = {short_number(kp)}, the table says {short_number(table)}"
     if same(kp, -table, slack):
-        return f"{said}: the sign"
-    for ratio, why in _spans(loop):
-        if same(kp, table * ratio, slack):
-            return f"{said}: {why}?"
-    for ratio, why in KNOWN_RATIOS:
+        return f"{said}: the sign?"
+    for ratio, why in (*_spans(loop), *KNOWN_RATIOS):
         if same(abs(kp), abs(table) * ratio, slack):
             return f"{said}: {why}?"
     if same(abs(kp), 100.0 / abs(table), slack):
         return f"{said}: a proportional band?"
-    return f"{said}: a factor of {short_number(kp / table)}"
+    return f"{said}: a gain {short_number(kp / table)} times the table's"
 
 
 def _spans(loop: Loop) -> Iterator[tuple[float, str]]:
     if loop.op_span is None or loop.pv_low is None or loop.pv_high is None:
         return
     ratio = loop.op_span / (loop.pv_high - loop.pv_low)
-    yield ratio, "in % of the spans (%/%)"
-    yield 1.0 / ratio, "the spans the other way round"
+    if not same(ratio, 1.0, MOST_ALIKE_RATIO):
+        yield ratio, "in % of the spans (%/%)"
+        yield 1.0 / ratio, "the spans the other way round"
 
 
 def _time_said(name: str, declared: float, seen: float, slack: float) -> str:
     if same(seen, declared, slack):
         return ""
     said = f"OP behaves as with {name} = {_seconds(seen)}, the table says {_plain(declared)}"
-    if declared == 0 or not (math.isfinite(declared) and math.isfinite(seen)) or seen == 0:
+    if declared == 0 or not (math.isfinite(declared) and math.isfinite(seen)) or seen <= 0:
         return said
     for value, why in (
         (60.0 * declared, "minutes"),
@@ -111,7 +114,7 @@ def _time_said(name: str, declared: float, seen: float, slack: float) -> str:
     ):
         if same(seen, value, slack):
             return f"{said}: {why}?"
-    return f"{said}: a factor of {short_number(seen / declared)}"
+    return f"{said}: {short_number(seen / declared)} times as much"
 
 
 def _seconds(value: float) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,11 @@ MOST_LATE_ROWS, LEAST_LATE_ROWS = 12, -3
 """Rows by which OP is looked for later, and earlier, than what it answers to."""
 LONGEST_FILTER_SHARE = 0.125
 """Longest PV filter that is looked for, as a share of the rows' time."""
+SEARCHED_ROWS, SEARCHED_BEFORE_ROWS = 400, 80
+"""Rows in which filter and delay are looked for, and how many of them lie before the onset."""
 Z95 = 1.96
+LEAST_PRODUCT = 1e-30
+"""Of a column with itself; of less than rounding, it is nothing."""
 EXACT_SHARE = 2e-3
 """Share of the law's own movement (standard deviations) below which what is left of OP is nothing."""
 
@@ -45,7 +50,7 @@ THINNED_SHARE = 1e-2
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """Settings of the table, in the standard form."""
+    """A law in standard form: the table's, or what is looked for."""
 
     kp: float
     ki: float
@@ -53,6 +58,8 @@ class Known:
     tf: float
     b: float
     c: float
+    derivative: bool
+    """Whether a free fit has a derivative."""
 
     @property
     def gains(self) -> Array:
@@ -61,8 +68,8 @@ class Known:
 
     @property
     def active(self) -> NDArray[np.int64]:
-        """Columns of a free fit of the same structure."""
-        return np.array([P] + [INTEGRAL] * (self.ki != 0) + [D] * (self.kd != 0) + [START])
+        """Columns of a free fit."""
+        return np.array([P, INTEGRAL, D, START] if self.derivative else [P, INTEGRAL, START])
 
     def law(self, rows: Rows, present: float = 1.0) -> tuple[float, float, float, float, float]:
         """As the columns take it."""
@@ -91,10 +98,13 @@ class Estimate:
     noise_ratio: Array
     """(3,) How many times larger a gain may be if all that is left of OP is noise of PV that the controller did not
     see: the gain of the reverse regression over the direct one (Frisch 1934)."""
-    correlation: float
-    """Of kp and ki."""
     place: Place
     rows: int
+
+    @classmethod
+    def exact(cls, gains: Array) -> Estimate:
+        """Return gains that are beyond doubt."""
+        return cls(gains, np.zeros(3), np.ones(3), Place(0.0, 0.0, 0.0), 0)
 
     def ends(self, which: int, z: float) -> tuple[float, float]:
         """Return the interval of a gain, ``z`` standard deviations wide on either side, and beyond zero's far side."""
@@ -147,16 +157,20 @@ def trimmed(rows: Rows, law: tuple[float, ...], active: NDArray[np.int64], floor
 
 
 def placed(rows: Rows, known: Known, gains: Array, walk: float) -> Place:
-    """Search PV filter and delay at which known gains (NaN: free ones) explain OP best."""
-    span = float(rows.time[-1] - rows.time[0])
+    """Search PV filter and delay at which known gains (NaN: free ones) explain OP best, around the onset."""
     most = min(MOST_LATE_ROWS, max(rows.before - 2, 0), len(rows) // 8)
     least = max(LEAST_LATE_ROWS, -(len(rows) // 8))
     use = rows.use.copy()
     use[:most] = False
     use[len(use) + least :] = False
-    limits = (rows.period, LONGEST_FILTER_SHARE * span, float(least), float(most))
-    columns_of = (rows.time, rows.sp, rows.pv, rows.op, use, rows.fresh)
-    t, d, s = search(columns_of, known.law(rows), known.active, gains, walk, limits)
+    first = max(min(rows.before, len(rows)) - SEARCHED_BEFORE_ROWS, 0)
+    around = slice(first, first + SEARCHED_ROWS)
+    told: tuple[NDArray[Any], ...] = (rows.time, rows.sp, rows.pv, rows.op, use, rows.fresh)
+    if np.count_nonzero(use[around]) >= SEARCHED_ROWS // 2:
+        told = tuple(column[around] for column in told)
+    longest = LONGEST_FILTER_SHARE * float(told[0][-1] - told[0][0])
+    limits = (rows.period, longest, float(least), float(most))
+    t, d, s = search(told, known.law(rows), known.active, gains, walk, limits)
     return Place(float(t), float(d), float(s))
 
 
@@ -172,8 +186,8 @@ def estimate(rows: Rows, known: Known, walk: float, place: Place) -> Estimate:
     m = products(white)
     active = known.active
     gains, s = solved(m, active)
-    power = np.diag(m)[active]
-    scale = np.sqrt(np.maximum(power, 1e-30 * np.max(power) + 1e-200))
+    own = np.diag(m)[active]
+    scale = np.where(own > LEAST_PRODUCT, np.sqrt(own), 1.0)  # a column that is nothing says nothing
     scaled = m[np.ix_(active, active)] / np.outer(scale, scale) + 1e-11 * np.eye(len(active))
     inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
     reach = int(min(4 + n ** (1 / 3), n // 4))
@@ -185,10 +199,9 @@ def estimate(rows: Rows, known: Known, walk: float, place: Place) -> Estimate:
         if column == START:
             continue
         sd[column] = math.sqrt(max(float(variance[k]), 0.0))
-        own = float(gains[column]) ** 2 / float(inverse[k, k])  # what this column alone explains
-        ratio[column] = 1.0 + s / own if own > 0 else math.inf
-    rho = float(plain[0, 1] / math.sqrt(plain[0, 0] * plain[1, 1])) if INTEGRAL in active and s > 0 else 0.0
-    return Estimate(gains, sd, ratio, rho, Place(place.filter_time, place.late, float(s)), n)
+        alone = float(gains[column]) ** 2 / float(inverse[k, k])  # what this column alone explains
+        ratio[column] = 1.0 + s / alone if alone > 0 else math.inf
+    return Estimate(gains, sd, ratio, Place(place.filter_time, place.late, float(s)), n)
 
 
 def explained(rows: Rows, known: Known, gains: Array, place: Place, walk: float) -> float:

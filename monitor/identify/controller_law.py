@@ -41,7 +41,7 @@ FILTER_PERIODS = (
 """PV filters that are tried first, in sample periods."""
 RIDGE_SHARE = 1e-11
 """Added to each column's own product: of two columns that are the same, neither is preferred."""
-GOLDEN_STEPS = 14
+GOLDEN_STEPS = 12
 """Steps of the golden section: the filter to a thousandth of the grid's width."""
 
 
@@ -131,18 +131,7 @@ def whitened(x, op, use, fresh, walk):
 @jit
 def products(white):
     """Return all products of columns with each other: (p, p)."""
-    n, p = white.shape
-    out = np.zeros((p, p))
-    for k in range(n):
-        for i in range(p):
-            a = white[k, i]
-            if a != 0.0:
-                for j in range(i + 1):
-                    out[i, j] += a * white[k, j]
-    for i in range(p):
-        for j in range(i):
-            out[j, i] = out[i, j]
-    return out
+    return np.dot(white.T, white)
 
 
 @jit
@@ -193,6 +182,49 @@ def left_by_known(m, gains):
 
 
 @jit
+def compared(x, gains, op, use, fresh, share, quantum):
+    """Return what known gains leave of OP: jumps (n,), sd of the rest's levels, sd allowed, sd of the law, of OP.
+
+    The rest may hold another constant from each jump on: where it moves by more than four times what is allowed, a
+    ``share`` of the law's own movement or the rounding of OP.
+    """
+    n = len(op)
+    rest, jump = np.zeros(n), np.zeros(n, np.bool_)
+    count, w1, w2, o1, o2 = 0, 0.0, 0.0, 0.0, 0.0
+    first = -1
+    for k in range(n):
+        wish = gains[0] * x[k, 0] + gains[1] * x[k, 1] + gains[2] * x[k, 2]
+        rest[k] = op[k] - wish
+        if use[k]:
+            if first < 0:
+                first, w0, o0 = k, wish, op[k]
+            count += 1
+            w1, w2 = w1 + wish - w0, w2 + (wish - w0) ** 2
+            o1, o2 = o1 + op[k] - o0, o2 + (op[k] - o0) ** 2
+    if count == 0:
+        return jump, 0.0, 0.0, 0.0, 0.0
+    law_sd = math.sqrt(max(w2 / count - (w1 / count) ** 2, 0.0))
+    op_sd = math.sqrt(max(o2 / count - (o1 / count) ** 2, 0.0))
+    allowed = max(share * law_sd, 0.6 * quantum)
+    squares, total, size, start = 0.0, 0.0, 0, 0.0
+    for k in range(n):
+        if not use[k]:
+            continue
+        linked = k > 0 and use[k - 1] and not fresh[k]
+        jump[k] = linked and abs(rest[k] - rest[k - 1]) > 4.0 * allowed
+        if jump[k] or not linked:
+            if size > 0:
+                squares -= total * total / size
+            total, size, start = 0.0, 0, rest[k]
+        total += rest[k] - start
+        squares += (rest[k] - start) ** 2
+        size += 1
+    if size > 0:
+        squares -= total * total / size
+    return jump, math.sqrt(max(squares, 0.0) / count), allowed, law_sd, op_sd
+
+
+@jit
 def judged(rows, law, active, gains, walk, place):
     """Return the sum of squares at a filter and a delay: of known gains, or free where these are NaN.
 
@@ -200,8 +232,7 @@ def judged(rows, law, active, gains, walk, place):
     """
     time, sp, pv, op, use, fresh = rows
     x = columns(time, sp, pv, law, place[0], int(place[1]))
-    white, _, _ = whitened(x, op, use, fresh, walk)
-    m = products(white)
+    m = products(whitened(x, op, use, fresh, walk)[0])
     if math.isnan(gains[0]):
         return solved(m, active)[1]
     return left_by_known(m, gains)

@@ -8,6 +8,9 @@ from dataclasses import dataclass, replace
 
 from tuners.settings import NotRepresentableError, Settings
 
+from .controller_fit import Estimate
+from .controller_law import INTEGRAL, D, P
+
 AS_DECLARED, BESIDE, CONTRADICTED = "as declared", "as declared, and more", "contradicted"
 NOT_LINEAR, UNRESOLVED, FOUND = "not linear", "unresolved", "found"
 
@@ -19,6 +22,20 @@ class Interval:
     value: float = math.nan
     low: float = -math.inf
     high: float = math.inf
+
+    @property
+    def ratio(self) -> float:
+        """Ratio of the value to its farther end, or the other way round: 1 or more, inf where the sign is not known."""
+        ends = abs(self.low), abs(self.high), abs(self.value)
+        if self.low == self.high == self.value:
+            return 1.0
+        if not all(0.0 < end < math.inf for end in ends) or self.low * self.high < 0:
+            return math.inf
+        return (
+            max(ends) / min(ends[:2])
+            if self.value == 0
+            else max(max(ends[:2]) / ends[2], ends[2] / min(ends[:2]))
+        )
 
     def widened(self, times: float) -> tuple[float, float]:
         """Return the ends, this many times as far away."""
@@ -64,6 +81,34 @@ class Controller:
             return None if self.settings is None else self.settings.to(form)
         except NotRepresentableError:
             return None
+
+
+Z95 = 1.96
+
+
+def intervals(found: Estimate, z: float = Z95) -> tuple[Interval, Interval, Interval]:
+    """Return kp, ti and td with their intervals, ``z`` standard deviations to either side."""
+    kp, ki, kd = (float(g) for g in found.gains[:3])
+    above = found.ends(P, z)
+    ti, td = Interval(math.inf, math.inf, math.inf), Interval(0.0, 0.0, 0.0)
+    if ki != 0 and kp != 0:
+        ti = _ratio(kp / ki, above, found.ends(INTEGRAL, z))
+    if kd != 0 and kp != 0:
+        td = _ratio(kd / kp, found.ends(D, z), above)
+    return Interval(kp, *above), ti, td
+
+
+def _ratio(value: float, above: tuple[float, float], below: tuple[float, float]) -> Interval:
+    """Return a ratio with the ends that the ends of both allow together."""
+    low_a, high_a = _sizes(above)
+    low_b, high_b = _sizes(below)
+    return Interval(value, low_a / high_b if high_b else math.inf, high_a / low_b if low_b else math.inf)
+
+
+def _sizes(ends: tuple[float, float]) -> tuple[float, float]:
+    """Return the least and the largest size between two ends."""
+    low, high = sorted((abs(ends[0]), abs(ends[1])))
+    return (low, high) if ends[0] * ends[1] > 0 else (0.0, high)
 
 
 DIFFERENT_TIMES, DIFFERENT_SHARE = 2.0, 0.05

@@ -69,10 +69,10 @@ def test_what_lies_beside_the_table_is_found(block: Block, delay: float, event: 
         ({"ti": 60.0 / 80.0}, "repeats a minute"),
         ({"ti": 1.0 / 80.0}, "repeats a second"),
         ({"kp": 150.0}, "a percentage for a fraction"),
-        ({"kp": -1.5}, "the sign"),
+        ({"kp": -1.5}, "the sign?"),
         ({"kp": 0.3, "op_low": 0.0, "op_high": 100.0, "pv_low": 0.0, "pv_high": 20.0}, "of the spans"),
         ({"kp": 100.0 / 1.5}, "proportional band"),
-        ({"kp": 6.0}, "a factor of 0.25"),
+        ({"kp": 6.0}, "a gain 0.25 times"),
     ],
 )
 def test_a_wrong_table_is_contradicted_and_the_likely_mistake_named(

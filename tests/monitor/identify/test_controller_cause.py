@@ -29,15 +29,13 @@ SLACK = (1.05, 1.05, 1.05)
     ],
 )
 def test_causes(loop: Loop, seen: Settings, said: str) -> None:
-    assert loop.settings is not None
-    assert said in cause_of(loop, loop.settings, seen, SLACK)
+    assert said in cause_of(loop, seen, SLACK)
 
 
 def test_a_form_is_named_before_single_numbers() -> None:
     series = Settings(2.0, 60.0, 12.0, 1.2, "series")
     loop = Loop(name="L", kp=2.0, ti=60.0, td=12.0, tf=1.2)
-    assert loop.settings is not None
-    assert "series form" in cause_of(loop, loop.settings, series.to("standard"), SLACK)
+    assert "series form" in cause_of(loop, series.to("standard"), SLACK)
 
 
 def test_same() -> None:

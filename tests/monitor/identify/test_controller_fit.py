@@ -19,7 +19,7 @@ from monitor.identify.controller_fit import (
 from monitor.identify.controller_rows import Rows, lay_out
 from tests.support.controllers import Block, recorded, window_of
 
-PI = Known(1.5, 1.5 / 80.0, 0.0, 0.0, 1.0, 1.0)
+PI = Known(1.5, 1.5 / 80.0, 0.0, 0.0, 1.0, 1.0, derivative=False)
 FREE = np.full(4, np.nan)
 NOWHERE = Place(0.0, 0.0, 0.0)
 

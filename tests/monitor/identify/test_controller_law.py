@@ -7,6 +7,7 @@ import pytest
 
 from monitor.identify.controller_law import (
     columns,
+    compared,
     left,
     left_by_known,
     products,
@@ -88,3 +89,17 @@ def test_scores_without_reach_are_those_of_white() -> None:
     np.testing.assert_allclose(scores(white, gains, active, 0), g.T @ g)
     expected = g.T @ g + 0.5 * (g[1:].T @ g[:-1] + g[:-1].T @ g[1:])
     np.testing.assert_allclose(scores(white, gains, active, 1), expected)
+
+
+def test_what_is_compared_is_the_rest_between_its_jumps() -> None:
+    time, sp, pv, op, use, fresh = rows(Block(), noise=0.1)
+    gains = np.array([1.5, 1.5 / 80.0, 0.0, 0.0])
+    x = columns(time, sp, pv, (0.0, 1.0, 1.0, 1.0, 0.0), 0.0, 0)
+    own = np.random.default_rng(0).normal(0.0, 0.02, len(op)) + np.where(np.arange(len(op)) < 300, 0.0, 7.0)
+    jump, rest, allowed, moved, spread = compared(x, gains, op + own, use, fresh, 0.02, 0.0)
+    assert list(np.flatnonzero(jump)) == [300]
+    apart = [own[:300] - own[:300].mean(), own[300:] - own[300:].mean()]
+    assert rest == pytest.approx(np.std(np.concatenate(apart)), rel=1e-6)
+    assert moved == pytest.approx(np.std(x[:, :3] @ gains[:3]))
+    assert allowed == pytest.approx(0.02 * moved)
+    assert spread == pytest.approx(np.std(op + own))

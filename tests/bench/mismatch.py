@@ -134,9 +134,13 @@ def table_line(name: str, done: Sequence[Outcome]) -> str:
 
 
 def seen(name: str, done: Sequence[Outcome]) -> list[bool]:
-    """Whether a setting was seen within 10 %, of the loops where it was seen."""
-    pairs = [(o.row.get(f"{name}_seen"), o.today[name]) for o in done]
-    return [abs(value / truth - 1) <= 0.1 for value, truth in pairs if value is not None]
+    """Whether a setting was seen within 10 %, in its own or in the standard form, of the loops where it was seen."""
+    found = [(o, o.row.get(f"{name}_seen")) for o in done]
+    return [
+        any(value == truth or abs(value / truth - 1) <= 0.1 for truth in (o.today[name], o.standard[name]))
+        for o, value in found
+        if value is not None
+    ]
 
 
 def totals(outcomes: Sequence[Outcome]) -> list[str]:
@@ -150,6 +154,7 @@ def totals(outcomes: Sequence[Outcome]) -> list[str]:
     named = [o for o in outcomes if KINDS[o.case].word and o.records]
     base = [o for o in outcomes if KINDS[o.case].group == RIGHT and o.needs]
     noisy = [o for o in outcomes if o.case == "noise-3pct" and o.needs]
+    moved = sum("retuned on" in str(o.row.get("reason")) for o in outcomes)
     seen_loops = [o for o in outcomes if o.case == "no-table"]
     cost = [1e3 * o.cost for o in outcomes if not math.isnan(o.cost)]
     lines = [
@@ -160,6 +165,7 @@ def totals(outcomes: Sequence[Outcome]) -> list[str]:
         f"in need {len(need)}: told nothing {sum(not o.told for o in need)}",
         f"crashed {sum(bool(o.crash) for o in outcomes)}",
         f"accused falsely {mark(accused, accused > 0.005 * len(right), 'd')} of {len(right)} right tables",
+        f"said to be retuned before anybody had {mark(moved, moved > 0, 'd')}",
         f"named {percent((o.named for o in named), 0.9)} of {len(named)} tables that say it wrong",
         (
             f"without a table: kp {percent(seen('kp', seen_loops), 0.9)}, ti {percent(seen('ti', seen_loops), 0.9)} of "

@@ -50,6 +50,8 @@ class Outcome:
     event: str
     plant: dict[str, Any] = field(default_factory=dict)
     today: dict[str, Any] = field(default_factory=dict)
+    standard: dict[str, float] = field(default_factory=dict)
+    """Settings of today in the standard form."""
     table: dict[str, Any] = field(default_factory=dict)
     period: float = math.nan
     scan: float = math.nan
@@ -121,6 +123,7 @@ def judge(kind: Kind, number: int, seed: int, campaign: int = 1) -> Outcome:
     out.plant["poles"] = np.linalg.eigvals(plant.space.a).tolist()
     out.plant["valve"] = drawn.rig.valve
     out.today = _fields(drawn.law, drawn.law.__dataclass_fields__)
+    out.standard = drawn.law.standard
     out.table = _fields(drawn.table, drawn.table.__struct_fields__)
     out.period, out.scan = drawn.period, drawn.scan
     out.ms_before = true_peak(drawn, drawn.law)

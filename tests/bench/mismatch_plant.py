@@ -153,6 +153,15 @@ class Law:
         """Factor of the filtered derivative [s]."""
         return self.td - self.tf if self.form == "series" and self.td > 0 else self.td
 
+    @property
+    def standard(self) -> dict[str, float]:
+        """kp, ti and td in the standard form, under the same filter (derived)."""
+        if self.form != "series" or math.isinf(self.ti):
+            return {"kp": self.kp, "ti": self.ti, "td": self.td}
+        kp = self.kp * (1 + self.lead / self.ti)
+        ti = self.ti + self.lead
+        return {"kp": kp, "ti": ti, "td": self.lead * (self.ti - self.tf) / ti}
+
     def response(self, omega: Floats, scan: float) -> NDArray[np.complex128]:
         """From -PV to OP on the unit circle [OP/PV]."""
         z = np.exp(1j * omega * scan)

@@ -35,6 +35,13 @@ def test_peak_agrees_with_the_judge_of_the_other_benchmark(form: str, process: s
     assert mine == pytest.approx(sensitivity(spec, spec.controller), rel=2e-3)
 
 
+def test_series_settings_are_the_same_law_in_the_standard_form() -> None:
+    series, omega = Law(2.0, 30.0, 8.0, 0.8, "series"), np.geomspace(1e-3, 100.0, 50)
+    standard = Law(**series.standard, tf=0.8)
+    # executed so often that it makes no difference
+    assert standard.response(omega, 1e-6) == pytest.approx(series.response(omega, 1e-6), rel=1e-4)
+
+
 @pytest.mark.parametrize("name", SHAPES)
 def test_a_sine_through_the_simulator_is_the_frequency_response(name: str) -> None:
     """In open loop, a held sine of OP comes out of every plant as the response on the unit circle says."""

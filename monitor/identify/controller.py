@@ -243,12 +243,14 @@ def _shown(case: Case, found: Estimate) -> bool:
     """Whether the recording shows the controller well enough to contradict a table.
 
     A derivative lives on what PV does from sample to sample: where a controller runs faster than the samples come, it
-    is taken for a large gain. Only where hardly anything is left of OP's moves has it been recorded.
+    is taken for a large gain. Only where hardly anything is left of OP's moves, and the derivative time is the table's
+    (or in minutes), has it been recorded.
     """
     rows, known = case.rows, case.known
     levels, moves = (explained(rows, known, found.gains, found.place, walk) for walk in (0.0, 1.0))
     if known.derivative:
-        return moves > MOVES_WITH_DERIVATIVE
+        td = float(found.gains[D] / found.gains[P]) / (known.kd / known.kp) if known.kd else 1.0
+        return moves > MOVES_WITH_DERIVATIVE and any(same(td, times, FAR_KP_RATIO) for times in (1.0, 60.0))
     kp, ti, _ = intervals(found)
     return levels > WELL_EXPLAINED and (
         moves > FINE or (kp.ratio < NARROW_RATIO and ti.ratio < NARROW_TIME_RATIO)

@@ -41,6 +41,9 @@ SEARCHED_ROWS, SEARCHED_BEFORE_ROWS = 400, 80
 Z95 = 1.96
 LEAST_PRODUCT = 1e-30
 """Of a column with itself; of less than rounding, it is nothing."""
+LEAST_REST_SHARE = 1e-4
+"""Share of OP (standard deviations) that is left, at the least, where gains are given their uncertainty: a response of one
+mode alone is explained to rounding by many gains."""
 EXACT_SHARE = 2e-3
 """Share of the law's own movement (standard deviations) below which what is left of OP is nothing."""
 
@@ -192,7 +195,8 @@ def estimate(rows: Rows, known: Known, walk: float, place: Place) -> Estimate:
     inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
     reach = int(min(4 + n ** (1 / 3), n // 4))
     robust = inverse @ scores(white, gains, active, reach) @ inverse
-    plain = s / max(n - len(active), 1) * inverse
+    least = LEAST_REST_SHARE**2 * float(m[OP, OP]) / max(n, 1)
+    plain = max(s / max(n - len(active), 1), least) * inverse
     variance = np.maximum(np.diag(robust), np.diag(plain))
     sd, ratio = np.full(3, 0.0), np.ones(3)
     for k, column in enumerate(active):

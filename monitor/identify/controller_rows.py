@@ -115,7 +115,9 @@ def lay_out(window: EventWindow, period: float, loop: Loop) -> Rows | None:
     fresh = np.concatenate([[True], np.diff(time) > WIDE_PERIODS * own])
     scan, phase = scan_rows(op) if stride == 1 else (1, 0)
     use = ~_at_limit(op, sp - pv, loop, quantum, scan)
-    use[-1] &= stride == 1  # the last mean may not be whole
+    if stride > 1:
+        use[-1] = False  # the last mean may not be whole
+        use[np.flatnonzero(np.diff(sp))] = False  # nor of one set point
     rows = Rows(time, sp, pv, op, use, fresh, own, quantum, window.before - first, scan, phase, stride)
     return rows if np.count_nonzero(use) >= LEAST_ROWS else None
 

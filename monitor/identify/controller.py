@@ -29,6 +29,7 @@ from .controller_fit import (
     Place,
     estimate,
     explained,
+    is_exact,
     left_at,
     placed,
     trimmed,
@@ -48,14 +49,22 @@ from .controller_seen import (
 
 FAR_BETTER = 0.25
 """Share of the squares that is left where another law is taken for the true one."""
-WELL_EXPLAINED, FINE, EXACT = 0.98, 0.8, 1.0 - 1e-5
-"""Shares of OP's levels, and of its moves from row to row, that such a law must explain; of the moves, to be exact."""
+MUCH_BETTER = 0.1
+"""The same for a PV filter or a delay."""
+WELL_EXPLAINED, FINE, VERY_FINE = 0.98, 0.8, 0.98
+"""Shares of OP's levels, and of its moves from row to row, that such a law must explain; of moves, with a filter."""
+STRAIGHT_SHARE, MOST_STRAIGHT_SHARE = 1e-9, 0.5
+"""Share of OP's range by which it may bend and still be straight; share of rows from which it was drawn straight."""
+LEAST_DELAY_PERIODS = 0.25
+"""A filter and a delay together that add less than this are none."""
 FAR_SD = 4.0
 """Standard deviations from which a gain is another one."""
 SLACK_SHARE, EXACT_SLACK_SHARE = 0.01, 0.003
 """Share of a gain that is no difference; where the law is exact."""
 DERIVATIVE_SLACK_SHARE, EXACT_DERIVATIVE_SLACK_SHARE = 0.3, 0.02
 """The same of kd, which a block's filter and way of taking differences shift."""
+LEAST_EXACT_ROWS = 7
+"""Rows that show a law that leaves nothing."""
 FORGETS_FILTERS = 8.0
 """Derivative filter times after which its unknown start is forgotten."""
 LEAST_FILTER_PERIODS = 0.05
@@ -66,6 +75,8 @@ FAR_RATIO = 2.0
 """Ratio to the ends of its interval from which kp is hardly known."""
 FAR_KP_RATIO, FAR_TI_RATIO = 1.15, 1.25
 """Ratios from which inexact gains are other ones."""
+LEAST_QUANTA = 12.0
+"""Steps of a rounded OP over which it must range to show its law."""
 MOVES_WITH_DERIVATIVE = 0.999
 """Share of OP's moves that is explained where the samples show a derivative."""
 NOWHERE = Place(0.0, 0.0, 0.0)
@@ -80,6 +91,17 @@ class Case:
     recorded: Rows
     loop: Loop
     known: Known
+    late: int = 0
+    """Rows as recorded by which OP follows its inputs, within a run of a slow controller."""
+
+    def settled(self) -> Case:
+        """Return the case without the first rows, in which the derivative's unknown start is seen."""
+        if not self.known.derivative:
+            return self
+        use = self.rows.use.copy()
+        period, tf = self.rows.period, self.known.tf
+        use[: 2 + math.ceil(FORGETS_FILTERS * tf / (tf + period))] = False
+        return replace(self, rows=replace(self.rows, use=use))
 
     def controller(
         self, said: str, found: Estimate | None, place: Place, share: float, cause: str = ""
@@ -87,6 +109,9 @@ class Case:
         """Return what is said, of settings as found or, without, of the table's."""
         exact = Estimate.exact(self.known.gains) if found is None else found
         kp, ti, td = intervals(exact)
+        if said in {AS_DECLARED, BESIDE}:  # what the discretisation may shift is no difference
+            exact = Estimate.exact(self.known.gains)
+            kp, ti, td = (i.including(o) for i, o in zip((kp, ti, td), intervals(exact), strict=True))
         return Controller(
             said=said,
             settings=None if said == UNRESOLVED else settings_of_gains(exact.gains, self.known),
@@ -95,7 +120,7 @@ class Case:
             td=td,
             explained=min(max(share, 0.0), 1.0),
             pv_filter=place.filter_time,
-            op_delay=place.late * self.rows.period,
+            op_delay=place.late * self.rows.period + self.late * self.recorded.period,
             scan=self.rows.period if self.rows.stride == 1 else self.rows.period / self.rows.stride,
             period=self.recorded.period / self.recorded.stride,
             cause=cause,
@@ -110,42 +135,35 @@ def see_controller(window: EventWindow, period: float, loop: Loop) -> Controller
     period
         Of the samples [s].
     """
-    recorded = lay_out(window, period, loop)
-    if recorded is None:
-        return None
-    rows = recorded.at_scans() if recorded.scan > 1 else recorded
-    if len(rows) < LEAST_ROWS:
+    rows = lay_out(window, period, loop)
+    if rows is None:
         return None
     known = known_of(loop)
-    if known is None:
-        return _without_table(Case(rows, recorded, loop, UNKNOWN_PI))
-    case = Case(_settled(rows, known), recorded, loop, known)
-    return _as_declared(case) or _searched(case)
+    paced = [Case(rows.at_scans(late), rows, loop, known, late) for late in range(rows.scan) if rows.scan > 1]
+    as_recorded = Case(rows, rows, loop, known)
+    if known.given:
+        for case in [*paced, as_recorded]:
+            found = _as_declared(case.settled())
+            if found is not None:
+                return found
+    found = None
+    for case in [*paced[:1], as_recorded]:
+        if len(case.rows) >= LEAST_ROWS and (found is None or found.said == UNRESOLVED):
+            found = _searched(case.settled()) if known.given else _without_table(case)
+    return found
 
 
-UNKNOWN_PI = Known(1.0, 1.0, 0.0, 0.0, 1.0, 1.0, derivative=False)
-
-
-def known_of(loop: Loop) -> Known | None:
-    """Return the table's settings as a law in standard form, None where there are none."""
+def known_of(loop: Loop) -> Known:
+    """Return the table's settings as a law in standard form; without any, those of a PI that is not known."""
     own = loop.settings
     if own is None:
-        return None
+        return Known(1.0, 1.0, 0.0, 0.0, 1.0, 1.0, derivative=False, given=False)
     try:
         s = own.to("standard")
     except NotRepresentableError:  # numbers that no such block can have: read as they stand
         s = replace(own, form="standard")
     tf = float(own.filter_time)
     return Known(float(s.kp), float(s.ki), float(s.kd), tf, float(s.b), float(s.c), derivative=loop.td > 0)
-
-
-def _settled(rows: Rows, known: Known) -> Rows:
-    """Return the rows without the first ones, in which the derivative's unknown start is seen."""
-    if not known.derivative:
-        return rows
-    use = rows.use.copy()
-    use[: 2 + math.ceil(FORGETS_FILTERS * known.tf / (known.tf + rows.period))] = False
-    return replace(rows, use=use)
 
 
 def _as_declared(case: Case) -> Controller | None:
@@ -157,7 +175,11 @@ def _as_declared(case: Case) -> Controller | None:
         jump, rest, allowed, moved, spread = compared(
             x, known.gains, rows.op, rows.use, rows.fresh, share, rows.quantum
         )
-        few = np.count_nonzero(jump) <= max(MOST_JUMPS_SHARE * len(rows), 2)
+        told = np.count_nonzero(rows.use)
+        few = (
+            np.count_nonzero(jump) <= max(MOST_JUMPS_SHARE * told, told // LEAST_ROWS)
+            and told >= LEAST_EXACT_ROWS
+        )
         if few and rest <= allowed and moved > 2.0 * rows.quantum:
             at = np.flatnonzero(jump)
             return _declared(case, NOWHERE, 1.0 - (rest / max(spread, 1e-300)) ** 2, _jumps_said(rows, at))
@@ -179,7 +201,7 @@ def _declared(
     case: Case, place: Place, share: float, cause: str = "", found: Estimate | None = None
 ) -> Controller:
     """Return what is said where the table holds, perhaps with a filter, a delay or a slow scan."""
-    late = place.late * case.rows.period
+    late = place.late * case.rows.period + case.late * case.recorded.period
     shown = []
     if place.filter_time > LEAST_FILTER_PERIODS * case.rows.period:
         shown.append(f"a PV filter of {place.filter_time:.3g} s")
@@ -203,14 +225,14 @@ def _searched(case: Case) -> Controller:
     share = explained(rows, known, known.gains, NOWHERE, 0.0)
     s0 = left_at(rows, known, known.gains, walk, NOWHERE)
     here = estimate(rows, known, walk, NOWHERE)
-    if explained(rows, known, here.gains, NOWHERE, 1.0) > EXACT:
+    if is_exact(rows, known, here):
         if against(known, here, rows, exact=True):
             return _contradicted(case, here, share)
         return _declared(case, NOWHERE, share, "", here)
     table = placed(rows, known, known.gains, walk)
     s1 = left_at(rows, known, known.gains, walk, table)
     best = here
-    if s1 <= FAR_BETTER * s0 and _well(rows, known, known.gains, table):
+    if s1 <= MUCH_BETTER * s0 and _well(rows, known, known.gains, table):
         there = estimate(rows, known, walk, table)
         if there.place.squares > FAR_BETTER * s1 or not against(known, there, rows):
             return _declared(case, table, explained(rows, known, known.gains, table, 0.0))
@@ -247,6 +269,8 @@ def _shown(case: Case, found: Estimate) -> bool:
     (or in minutes), has it been recorded.
     """
     rows, known = case.rows, case.known
+    if np.ptp(rows.op[rows.use]) < LEAST_QUANTA * rows.quantum:
+        return False
     levels, moves = (explained(rows, known, found.gains, found.place, walk) for walk in (0.0, 1.0))
     if known.derivative:
         td = float(found.gains[D] / found.gains[P]) / (known.kd / known.kp) if known.kd else 1.0
@@ -258,9 +282,17 @@ def _shown(case: Case, found: Estimate) -> bool:
 
 
 def _well(rows: Rows, known: Known, gains: Array, place: Place) -> bool:
-    """Whether gains explain OP's levels and its moves from row to row."""
+    """Whether gains explain OP's levels, and its moves from row to row, with a filter or delay that adds dead time.
+
+    Noise that the controller did not see, and a historian that draws straight lines, look like a filter, too, but leave
+    more of the moves.
+    """
+    if place.filter_time + place.late * rows.period < LEAST_DELAY_PERIODS * rows.period:
+        return False
     levels = explained(rows, known, gains, place, 0.0)
-    return levels > WELL_EXPLAINED and explained(rows, known, gains, place, 1.0) > FINE
+    if np.mean(np.abs(np.diff(rows.op, 2)) < STRAIGHT_SHARE * np.ptp(rows.op)) > MOST_STRAIGHT_SHARE:
+        return False
+    return levels > WELL_EXPLAINED and explained(rows, known, gains, place, 1.0) > VERY_FINE
 
 
 def against(known: Known, found: Estimate, rows: Rows, *, exact: bool = False) -> bool:
@@ -316,7 +348,7 @@ def _without_table(case: Case) -> Controller:
     case = replace(case, rows=rows)
     walk = walk_share(rows, known.law(rows), known.active, FREE)
     found = estimate(rows, known, walk, NOWHERE)
-    if explained(rows, known, found.gains, NOWHERE, 1.0) < EXACT:
+    if not is_exact(rows, known, found):
         free = estimate(rows, known, walk, placed(rows, known, FREE, walk))
         found = free if free.place.squares <= FAR_BETTER * found.place.squares else found
     kp, ti, _ = intervals(found)

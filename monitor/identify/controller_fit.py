@@ -34,16 +34,18 @@ MOST_JUMPS_SHARE = 0.03
 """Share of the rows that may be jumps; of more, the law is wrong."""
 MOST_LATE_ROWS, LEAST_LATE_ROWS = 12, -3
 """Rows by which OP is looked for later, and earlier, than what it answers to."""
-LONGEST_FILTER_SHARE = 0.125
+LONGEST_FILTER_SHARE = 0.8
 """Longest PV filter that is looked for, as a share of the rows' time."""
 SEARCHED_ROWS, SEARCHED_BEFORE_ROWS = 400, 80
 """Rows in which filter and delay are looked for, and how many of them lie before the onset."""
 Z95 = 1.96
+LEFT_SHARE, MOST_ROUNDED_SHARE = 1e-5, 1e-2
+"""Share of the squares of OP's moves that an exact law leaves, beside rounding's; the most that rounding may have."""
 LEAST_PRODUCT = 1e-30
 """Of a column with itself; of less than rounding, it is nothing."""
 LEAST_REST_SHARE = 1e-4
-"""Share of OP (standard deviations) that is left, at the least, where gains are given their uncertainty: a response of one
-mode alone is explained to rounding by many gains."""
+"""Share of OP (standard deviations) that is left, at the least, where gains are given their uncertainty: a response of
+one mode alone is explained to rounding by many gains."""
 EXACT_SHARE = 2e-3
 """Share of the law's own movement (standard deviations) below which what is left of OP is nothing."""
 
@@ -63,6 +65,8 @@ class Known:
     c: float
     derivative: bool
     """Whether a free fit has a derivative."""
+    given: bool = True
+    """Whether these are settings of a table."""
 
     @property
     def gains(self) -> Array:
@@ -211,8 +215,22 @@ def estimate(rows: Rows, known: Known, walk: float, place: Place) -> Estimate:
 def explained(rows: Rows, known: Known, gains: Array, place: Place, walk: float) -> float:
     """Return the share of OP that known gains explain: of levels (walk 0) or of moves from row to row (walk 1)."""
     m = products(_white(rows, known, walk, place)[0])
-    allowed = rows.quantum**2 / (6.0 if walk == 1.0 else 12.0) * np.count_nonzero(rows.use)
+    allowed = _rounded_away(rows, walk)
     return float(1.0 - max(left_by_known(m, gains) - allowed, 0.0) / m[OP, OP]) if m[OP, OP] > 0 else 0.0
+
+
+def is_exact(rows: Rows, known: Known, found: Estimate) -> bool:
+    """Whether gains explain OP's moves to rounding, and the moves are more than rounding."""
+    m = products(_white(rows, known, 1.0, found.place)[0])
+    allowed, moves = _rounded_away(rows, 1.0), float(m[OP, OP])
+    return (
+        allowed < MOST_ROUNDED_SHARE * moves and left_by_known(m, found.gains) - allowed < LEFT_SHARE * moves
+    )
+
+
+def _rounded_away(rows: Rows, walk: float) -> float:
+    """Return the squares that rounding of OP leaves, of moves or of levels."""
+    return float(rows.quantum**2 / (6.0 if walk == 1.0 else 12.0) * np.count_nonzero(rows.use))
 
 
 def _white(rows: Rows, known: Known, walk: float, place: Place) -> tuple[Array, int]:

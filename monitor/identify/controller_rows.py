@@ -19,8 +19,8 @@ RESTS_ROWS = 3
 """Rows for which OP must stay at its extreme, to the last digit, to be at a limit."""
 SAME_STEP_SHARE = 0.9
 """Share of OP's moves that must be whole multiples of the least one for OP to be rounded."""
-LEAST_MOVES = 8
-"""Moves of OP from which its pattern tells how often the controller runs."""
+LEAST_MOVES = 6
+"""Moves of OP below which nothing is said of a controller, nor of how often it runs."""
 MOST_SCAN_ROWS = 64
 """Rows between two runs of a controller that are looked for."""
 OFF_SCAN_SHARE = 0.02
@@ -66,21 +66,21 @@ class Rows:
         fresh[at] = True
         return replace(self, fresh=fresh)
 
-    def at_scans(self) -> Rows:
-        """Return the rows at which the controller ran."""
-        first, step = self.phase, self.scan
-        kept = slice(first, None, step)
-        gaps = np.add.reduceat(self.fresh[first:], np.arange(0, len(self) - first, step)) > 0
+    def at_scans(self, late: int = 0) -> Rows:
+        """Return the rows at which the controller ran, with the inputs of ``late`` rows before."""
+        first = self.phase if self.phase >= late else self.phase + self.scan
+        at = np.arange(first, len(self), self.scan)
+        gaps = np.add.reduceat(self.fresh[first:], at - first) > 0
         return replace(
             self,
-            time=self.time[kept],
-            sp=self.sp[kept],
-            pv=self.pv[kept],
-            op=self.op[kept],
-            use=self.use[kept],
+            time=self.time[at],
+            sp=self.sp[at - late],
+            pv=self.pv[at - late],
+            op=self.op[at],
+            use=self.use[at],
             fresh=np.asarray(gaps, bool),
-            period=step * self.period,
-            before=max((self.before - first) // step, 0),
+            period=self.scan * self.period,
+            before=max((self.before - first) // self.scan, 0),
             scan=1,
             phase=0,
         )
@@ -113,7 +113,8 @@ def lay_out(window: EventWindow, period: float, loop: Loop) -> Rows | None:
         return None
     quantum = _quantum(moves)
     fresh = np.concatenate([[True], np.diff(time) > WIDE_PERIODS * own])
-    scan, phase = scan_rows(op) if stride == 1 else (1, 0)
+    regular = stride == 1 and not fresh[1:].any()
+    scan, phase = scan_rows(op) if regular else (1, 0)
     use = ~_at_limit(op, sp - pv, loop, quantum, scan)
     if stride > 1:
         use[-1] = False  # the last mean may not be whole
@@ -125,8 +126,6 @@ def lay_out(window: EventWindow, period: float, loop: Loop) -> Rows | None:
 def scan_rows(op: Array) -> tuple[int, int]:
     """Return how many rows pass from one run of the controller to the next, and the first row at which it ran."""
     at = np.flatnonzero(np.diff(op)) + 1
-    if len(at) < LEAST_MOVES:
-        return 1, 0
     gaps = np.diff(at)
     # a rounded OP rests between its moves, too, but keeps no time
     for step in range(min(int(np.quantile(gaps, 0.1)), MOST_SCAN_ROWS), 1, -1):

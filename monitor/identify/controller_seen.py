@@ -37,6 +37,10 @@ class Interval:
             else max(max(ends[:2]) / ends[2], ends[2] / min(ends[:2]))
         )
 
+    def including(self, other: Interval) -> Interval:
+        """Return the interval, wide enough to hold another's value."""
+        return Interval(self.value, min(self.low, other.value), max(self.high, other.value))
+
     def widened(self, times: float) -> tuple[float, float]:
         """Return the ends, this many times as far away."""
         return self.value - times * (self.value - self.low), self.value + times * (self.high - self.value)

@@ -107,8 +107,9 @@ def _law(settings, memory, sp, pv, ts):
     factor = 1.0
     if settings[8] == 1:
         factor = abs(error) / settings[9]
-    elif settings[8] == 2 and abs(error) < settings[9]:
-        factor = settings[10]
+    elif settings[8] == 2:  # beyond the gap the rest of the error counts in full
+        beyond = max(1 - settings[9] / max(abs(error), 1e-300), 0.0)
+        factor = settings[10] + (1 - settings[10]) * beyond
     drive = c * sp - f
     rate = (tf * memory[3] + drive - memory[2]) / (tf + ts)
     prop = b * sp - f

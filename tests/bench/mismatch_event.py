@@ -27,6 +27,8 @@ def loading(drawn: Drawn, stage: int, fine: int, onset: int) -> tuple[Floats, Fl
     shape = _shape(drawn, stage, seconds)
     zero = np.zeros(fine)
     sp, load = (drawn.size * shape, zero) if drawn.event == SETPOINT else (zero, drawn.push * shape)
+    if drawn.kind.loading == "load-at-output":
+        load = zero
     load = load + _beside(drawn, stage, seconds)
     if drawn.kind.block != "feed-forward":
         return sp, load, zero
@@ -75,9 +77,20 @@ def _beside(drawn: Drawn, stage: int, seconds: Floats) -> Floats:
         return np.asarray(2 * size * (there + way * (1 - swing)))
     if what == "wandering-load":
         return size * _wander(drawn, stage, len(seconds))
-    if what == "load-with-setpoint":
-        return np.asarray(2 * size * (there + way * (seconds >= 0)))
+    if what in {"load-with-setpoint", "load-in-response"}:
+        wait = natural * _between(drawn, "a", 1.0, 6.0) if what == "load-in-response" else 0.0
+        return np.asarray(2 * size * (there + way * (seconds >= wait)))
     return np.zeros(len(seconds))
+
+
+def shift(drawn: Drawn, stage: int, fine: int, onset: int) -> Floats:
+    """Load that comes behind the plant [PV]."""
+    if drawn.kind.loading != "load-at-output":
+        return np.zeros(fine)
+    past = np.maximum((np.arange(fine) - onset) * drawn.rig.step, 0.0)
+    there, way = _there(stage)
+    lag = _natural(drawn) * _between(drawn, "a", 0.1, 3.0)
+    return np.asarray(drawn.size * (there + way * (1 - np.exp(-past / lag))))
 
 
 def _there(stage: int) -> tuple[float, float]:
@@ -117,8 +130,16 @@ def pure(drawn: Drawn, share: float) -> tuple[Floats, Floats, Floats]:
     fine = int(share * MOST_SAMPLES) * drawn.every
     rig = drawn.unused()
     sp, load, added = loading(drawn, 0, fine, 10 * drawn.every)
-    pv, op = rig.run(sp, load, None, added)
+    pv, op = rig.run(asked(drawn, sp), load, shift(drawn, 0, fine, 10 * drawn.every), added)
     return sp, pv, op
+
+
+def asked(drawn: Drawn, sp: Floats) -> Floats:
+    """Set point as the block's law sees it: filtered, where the kind says so."""
+    if drawn.kind.block != "sp-filter":
+        return sp
+    keep = math.exp(-drawn.rig.step / (drawn.rig.plant.theta * _between(drawn, "a", 0.5, 3.0)))
+    return np.asarray(lfilter([1 - keep], [1.0, -keep], sp, zi=np.array([keep * sp[0]]))[0])
 
 
 def event(drawn: Drawn, rig: Rig, stage: int) -> tuple[Floats, Floats, Floats]:
@@ -129,13 +150,14 @@ def event(drawn: Drawn, rig: Rig, stage: int) -> tuple[Floats, Floats, Floats]:
     onset = quiet - (int(rng.integers(0, drawn.every)) if drawn.event != SETPOINT else 0)
     most = MOST_SAMPLES * drawn.every
     sp, load, added = loading(drawn, stage, most, onset)
-    pv, _ = rig.copy().run(sp, load, None, added)
+    heard, moved = asked(drawn, sp), shift(drawn, stage, most, onset)
+    pv, _ = rig.copy().run(heard, load, moved, added)
     error = np.abs(sp - pv)[onset:]
     over = int(np.flatnonzero(error > 0.01 * error.max())[-1])
     last = min(onset + 2 * over + 150 * drawn.every, most)
     each = 1 if drawn.kind.recording == "unsynchronised" else min(drawn.every, rig.scan)
     noise = drawn.noise * np.repeat(rng.standard_normal(last // each + 1), each)[:last]
-    pv, op = rig.run(sp[:last], load[:last], noise, added[:last])
+    pv, op = rig.run(heard[:last], load[:last], noise + moved[:last], added[:last])
     return sp[:last], pv, op
 
 
@@ -153,9 +175,28 @@ def record(drawn: Drawn, columns: tuple[Floats, Floats, Floats], first: int, sta
         offset = 1 + int(extra["a"] * (every - 1)) if how == "unsynchronised" else -first % every
         sp, pv, op = (x[offset::every] for x in (sp, pv, op))
     time = START_S + (start + every * np.arange(len(sp))) * drawn.rig.step
+    pv, op, time = _spoilt(drawn, rng, pv, op, time)
+    stamp = np.round(time * 1e9).astype(np.int64)
+    zeros, auto = np.zeros(len(sp), dtype=np.int32), np.ones(len(sp), dtype=bool)
+    op = op + drawn.op0
+    op = {"fraction": op / 100, "inverted": 100 - op}.get(how, op)
+    samples = Samples.of(zeros, stamp, sp + drawn.pv0, pv + drawn.pv0, op, auto)
+    return samples.take(rng.random(len(sp)) >= 0.05) if how == "lost" else samples
+
+
+def _spoilt(
+    drawn: Drawn, rng: np.random.Generator, pv: Floats, op: Floats, time: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return the samples as the kind's historian stores them."""
+    how, extra = drawn.kind.recording, drawn.extra
+    late = 1 + int(6 * extra["a"])
     if how == "op-late":
-        late = 1 + int(6 * extra["a"])
         op = np.concatenate([np.full(late, op[0]), op[:-late]])
+    elif how == "pv-late":
+        pv = np.concatenate([np.full(late, pv[0]), pv[:-late]])
+    elif how == "pv-filtered":
+        keep = math.exp(-drawn.period / (drawn.rig.plant.theta * _between(drawn, "a", 0.3, 2.0)))
+        pv = lfilter([1 - keep], [1.0, -keep], pv, zi=np.array([keep * pv[0]]))[0]
     elif how == "op-rounded":
         quantum = float(np.abs(op - op[0]).max()) * 0.005 * 10 ** extra["a"] or 1.0
         op = np.round(op / quantum) * quantum
@@ -163,11 +204,7 @@ def record(drawn: Drawn, columns: tuple[Floats, Floats, Floats], first: int, sta
         pv, op = (_compressed(x, (0.004 * 5 ** extra["a"]) * float(np.ptp(x)), how) for x in (pv, op))
     elif how == "jitter":
         time = time + rng.uniform(-0.2, 0.2, len(time)) * drawn.period
-    stamp = np.round(time * 1e9).astype(np.int64)
-    zeros = np.zeros(len(sp), dtype=np.int32)
-    return Samples.of(
-        zeros, stamp, sp + drawn.pv0, pv + drawn.pv0, op + drawn.op0, np.ones(len(sp), dtype=bool)
-    )
+    return pv, op, time
 
 
 def _compressed(values: Floats, band: float, how: str) -> Floats:

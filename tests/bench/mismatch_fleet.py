@@ -49,7 +49,8 @@ class Kind:
     @property
     def right(self) -> bool:
         """Whether an accusation of the table would be false."""
-        return not self.table and self.block in {"", "feed-forward", "late", "i-pd", "pi-d", "p"}
+        spoilt = self.table or self.recording in {"fraction", "inverted"}
+        return not spoilt and self.block in {"", "feed-forward", "late", "i-pd", "pi-d", "p"}
 
 
 def _kinds() -> list[Kind]:
@@ -85,12 +86,15 @@ def _kinds() -> list[Kind]:
             ("coupled-loops", SETPOINT),
             ("wandering-load", ""),
             ("load-with-setpoint", SETPOINT),
+            ("load-in-response", SETPOINT),
+            ("load-at-output", LOAD),
         )
     ]
     valves = [
         Kind(name, VALVE, valve=valve)
         for name, valve in (
             ("equal-percentage", "percentage"),
+            ("quick-opening", "quick"),
             ("gain-by-direction", "direction"),
             ("backlash", "backlash"),
             ("stiction", "stiction"),
@@ -105,6 +109,10 @@ def _kinds() -> list[Kind]:
     recordings = [
         Kind("pv-filter", RECORDING, block="filter", word="filter"),
         Kind("op-late", RECORDING, recording="op-late"),
+        Kind("pv-late", RECORDING, recording="pv-late"),
+        Kind("pv-recorded-filtered", RECORDING, recording="pv-filtered"),
+        Kind("setpoint-filter", RECORDING, block="sp-filter", event=SETPOINT),
+        Kind("lost-rows", RECORDING, recording="lost"),
         Kind("one-sample-late", RECORDING, block="late"),
         Kind("slow-scan", RECORDING, block="slow-scan", word="scan execut"),
         Kind("coarse-recording", RECORDING, recording="coarse"),
@@ -131,6 +139,10 @@ def _kinds() -> list[Kind]:
         Kind("series-said-standard", TABLE, shape="integrating", table="series", word="series form"),
         Kind("ti-two-and-a-half", TABLE, table="ti-2.5", word="ti reset 2.5"),
         Kind("proportional-band", TABLE, table="band", word="band"),
+        Kind("td-missing", TABLE, shape="integrating", table="no-td", word="td derivative"),
+        Kind("ti-and-td-in-minutes", TABLE, shape="integrating", table="both-minutes", word="minute"),
+        Kind("op-as-fraction", TABLE, table="", recording="fraction", word="fraction percent 100"),
+        Kind("op-inverted", TABLE, table="", recording="inverted", word="sign invert"),
         Kind("error-squared", TABLE, block="squared", word="squared linear"),
         Kind("gap-action", TABLE, block="gap", word="gap linear"),
         Kind(
@@ -256,7 +268,7 @@ def settings(rng: Rng, plant: Plant, wait: float, kind: Kind) -> Law:
     theta, lag = plant.theta + wait, plant.lag
     integrates = (plant.ruled or plant.process) == INTEGRATING
     share = float(rng.choice([0.0, 0.5, 1.0]))
-    if kind.table == "series":
+    if kind.table in {"series", "no-td", "both-minutes"}:
         share, lag = float(rng.choice([0.5, 1.0])), max(lag, 0.5 * theta)
     td = share * lag if integrates else 0.0
     if integrates:
@@ -287,7 +299,7 @@ def furnish(rng: Rng, drawn: Drawn) -> None:
     aim = log(rng, 4.0, 20.0)
     drawn.push = sign * aim
     _, pv, op = pure(drawn, 1.0)
-    if drawn.event == SETPOINT:
+    if drawn.event == SETPOINT or kind.loading == "load-at-output":
         drawn.size = sign * aim / float(np.abs(op).max())
         _, pv, op = pure(drawn, 1.0)
     moved, deviation = float(np.abs(op).max()), float(np.abs(pv).max())
@@ -318,6 +330,7 @@ def _valve(rng: Rng, drawn: Drawn, moved: float, deviation: float) -> Valve:
     band = moved * log(rng, 0.02, 0.15)
     numbers = {
         "percentage": (math.log(rng.uniform(20, 50)) / 100,),
+        "quick": (-math.log(rng.uniform(20, 50)) / 100,),
         "direction": (ratio, 1 / ratio),
         "backlash": (moved * log(rng, 0.01, 0.1),),
         "stiction": (band, band * rng.uniform(0.0, 0.7)),
@@ -325,7 +338,8 @@ def _valve(rng: Rng, drawn: Drawn, moved: float, deviation: float) -> Valve:
         "drum": (deviation / rng.uniform(0.05, 0.25) * rng.choice([-1, 1]), rng.uniform(0.3, 0.6)),
     }
     numbers["root"] = numbers["drum"]
-    return Valve(kind, *numbers[kind]) if kind in numbers else Valve()
+    curved = "percentage" if kind == "quick" else kind
+    return Valve(curved, *numbers[kind]) if kind in numbers else Valve()
 
 
 def wrong(rng: Rng, drawn: Drawn, deviation: float) -> Loop:
@@ -345,6 +359,8 @@ def wrong(rng: Rng, drawn: Drawn, deviation: float) -> Loop:
         "kp-large": {"kp": kp * off},
         "percent": {"kp": kp * span / 100} | ranges,
         "sign": {"kp": -kp},
+        "no-td": {"td": 0.0},
+        "both-minutes": {"ti": ti / 60, "td": drawn.law.td / 60},
         "series": {"form": "standard"},
         "ti-2.5": {"ti": ti / 2.5},
         "band": {"kp": math.copysign(100 / abs(kp), kp)},

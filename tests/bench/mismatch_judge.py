@@ -167,6 +167,8 @@ def _note(out: Outcome, drawn: Drawn, made: list[Assessment], row: LoopRow, stag
     out.records += [_fields(r, r.__struct_fields__) for r in made]
     for r in made:
         truth = drawn.rig.plant.gains.get(str(r.process))
+        if drawn.kind.recording in {"fraction", "inverted"}:
+            continue  # OP is another quantity
         if r.gain is None or r.gain_lo is None or r.gain_hi is None or truth is None:
             continue
         slopes = factors(drawn)

@@ -10,7 +10,7 @@ import numpy as np
 
 from monitor.assess.reference import closed_loop_time, reduced, reference_iae, reference_structure
 from monitor.contract.loops import Loop
-from tests.bench.mismatch_event import LOAD, SETPOINT, loading
+from tests.bench.mismatch_event import LOAD, SETPOINT, asked, loading, shift
 from tests.bench.mismatch_plant import INTEGRATING, Law, peak
 from tests.bench.mismatch_sim import Rig, Valve
 from tuners.models import IntegratingModel, Model, SelfRegulatingModel
@@ -56,7 +56,7 @@ def grows(drawn: Drawn, law: Law) -> bool:
     sp, load, _ = loading(drawn, 0, fine, 10 * drawn.every)
     if drawn.kind.loading in {"wandering-load", "sinusoidal-load"}:
         load = load * 0.0
-    pv, _ = rig.run(sp, load)
+    pv, _ = rig.run(asked(drawn, sp), load, shift(drawn, 0, fine, 10 * drawn.every))
     error = np.abs(sp - pv)
     third = fine // 3
     middle, late = error[third : 2 * third].max(), error[2 * third :].max()

@@ -150,7 +150,7 @@ class LoopRow(msgspec.Struct, frozen=True, kw_only=True):
     settings_explained: float | None = None
     """Share of OP's movement that the settings in use explain."""
     kp_seen: float | None = None
-    """The controller as the data show it, in the standard form."""
+    """The controller as the data show it, in the loop's own form (the standard one where that cannot hold it)."""
     kp_seen_lo: float | None = None
     kp_seen_hi: float | None = None
     ti_seen: float | None = None

@@ -65,8 +65,12 @@ class InForce:
     """The table's settings have been seen."""
     _windows: list[Controller] = field(default_factory=list)
     """What the last windows under the settings of today show."""
+    _by_event: bool = False
+    """An event's window is among them; before, only quiet stretches."""
     _until: int = 0
     """End of the last samples that show the settings of today [ns since 1970]."""
+    _doubt: tuple[Controller, int] | None = None
+    """What the last window showed, and its start [ns since 1970], where it was a quiet stretch that says otherwise."""
 
     @property
     def loop(self) -> Loop:
@@ -98,12 +102,35 @@ class InForce:
         found = see_controller(window, period, self.table if self._loop is None else _bare(self.table))
         if found is None or found.said == UNRESOLVED:
             return False
+        event = window.before < len(window)
+        if self._confirms(found):
+            self._doubt = None
+        elif not event and (self._doubt is None or differ(self._doubt[0], found)):
+            self._doubt = found, start
+            return False
+        elif self._doubt is not None:
+            start = self._doubt[1] if not differ(self._doubt[0], found) else start
+            self._doubt = None
         if found.said == NOT_LINEAR:
             self.contradiction = found.cause
             return False
-        changed = self._by_data(found, window, start, period) if self._loop else self._by_table(found, start)
+        if event and not self._by_event and self._loop is not None:
+            self._windows, self.seen = [], None  # what quiet stretches showed was a first guess
+        if event or not self._by_event or not self._confirms(found):
+            changed = (
+                self._by_data(found, window, start, period) if self._loop else self._by_table(found, start)
+            )
+            self._by_event = event or (self._by_event and not changed)
+        else:  # a stretch confirms what an event has shown better
+            changed, self.contradiction = False, ""
         self._until = max(end, self._until)
         return changed
+
+    def _confirms(self, found: Controller) -> bool:
+        """Whether a window shows what is known already."""
+        if self._loop is None and self.table.kp is not None:
+            return found.said in {AS_DECLARED, BESIDE}
+        return found.said != NOT_LINEAR and (self.seen is None or not differ(self.seen, found))
 
     def _by_table(self, found: Controller, start: int) -> bool:
         """Take over what a window shows, while the table is believed, or was never seen to be right."""
@@ -120,15 +147,12 @@ class InForce:
     def _by_data(self, found: Controller, window: EventWindow, start: int, period: float) -> bool:
         """Take over what a window shows, while the settings of the data are believed."""
         self.contradiction = ""
-        if self.seen is None or not differ(self.seen, found):
-            changed = self._are(found, start)
-        else:
-            back = None if self.table.kp is None else see_controller(window, period, self.table)
-            by_table = back is not None and back.said in {AS_DECLARED, BESIDE}
-            changed = self._are(back if back is not None and by_table else found, start)
-            if by_table:
+        if self.seen is not None and differ(self.seen, found) and self.table.kp is not None:
+            back = see_controller(window, period, self.table)
+            if back is not None and back.said in {AS_DECLARED, BESIDE}:
                 self._loop = None
-                return changed
+                return self._are(back, start)
+        changed = self._are(found, start)
         if self.seen is not None:
             self._loop = _with(self.table, self.seen)
         return changed

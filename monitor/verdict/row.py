@@ -51,7 +51,7 @@ def loop_row(in_force: InForce, tuning: Tuning, health: Health) -> LoopRow:
         **({} if suggested is None else suggested.today),
         **_of_health(health),
         **_of_today(loop),
-        **({} if in_force.seen is None else _seen(in_force.seen)),
+        **({} if in_force.seen is None else _seen(in_force.seen, loop.canonical_form)),
     )
 
 
@@ -81,13 +81,19 @@ def _of_today(loop: Loop) -> Figures:
     return {"kp": loop.kp, "ti": loop.ti, "td": loop.td, "tf": loop.filter_time}
 
 
-def _seen(controller: Controller) -> Figures:
-    """Return the columns of the controller as the data show it."""
+def _seen(controller: Controller, form: str) -> Figures:
+    """Return the columns of the controller as the data show it, in the loop's form where that can hold it."""
     figures: dict[str, float | None] = {"settings_explained": controller.explained}
+    own = controller.settings_in(form)
     for name in ("kp", "ti", "td"):
         part = getattr(controller, name)
-        if not math.isnan(part.value):
-            figures |= {f"{name}_seen": part.value, f"{name}_seen_lo": part.low, f"{name}_seen_hi": part.high}
+        if math.isnan(part.value):
+            continue
+        standard = 0.0 if controller.settings is None else float(getattr(controller.settings, name))
+        turned = own is not None and 0.0 < abs(standard) < math.inf
+        ratio = float(getattr(own, name)) / standard if turned else 1.0
+        ends = {"": part.value, "_lo": part.low, "_hi": part.high}
+        figures |= {f"{name}_seen{end}": ratio * value for end, value in ends.items()}
     figures |= {f"{name}_seen": getattr(controller, name) for name in ("pv_filter", "op_delay")}
     return figures | {"scan_seen": controller.scan or None}
 

@@ -105,3 +105,31 @@ def test_an_engine_tells_before_from_after():
     assert (row.settings_source, row.kp) == ("data", pytest.approx(2.0, rel=0.05))
     assert math.isfinite(row.ti_seen or math.inf)
     assert len(seen.assessments) >= 2
+
+
+def stretch(kp: float = 2.0, ti: float = 80.0) -> EventWindow:
+    """Return a piece of a step's response, as if it were a quiet stretch."""
+    whole = window(kp, ti)
+    part = slice(190, 318)
+    return EventWindow(whole.time[part], whole.sp[part], whole.pv[part], whole.op[part], 128)
+
+
+def test_a_quiet_stretch_alone_changes_nothing():
+    """One that says otherwise has to be followed by another one that says the same; an event's window has not."""
+    in_force = InForce(RIGHT)
+    seen = looked(in_force, window(), stretch(kp=3.5), stretch(), stretch(kp=3.5))
+    assert seen == [False] * 4
+    assert (in_force.source, in_force.contradiction) == (TABLE, "")
+    assert looked(in_force, stretch(kp=3.5)) == [True]
+    assert in_force.loop.kp == pytest.approx(3.5, rel=0.05)
+    assert in_force.change is not None
+    assert in_force.change.before == START + 3 * 3600 * 10**9  # when it was first seen
+
+
+def test_a_quiet_stretch_alone_accuses_nobody():
+    """Nor does it contradict a table by itself."""
+    in_force = InForce(WRONG)
+    looked(in_force, stretch())
+    assert in_force.contradiction == ""
+    looked(in_force, stretch())
+    assert "minutes" in in_force.contradiction

@@ -159,11 +159,12 @@ class Engine:
 
     def _look_at(self, waiting: ClosedEvent | Stretch) -> list[Record]:
         """See the controller in what waits; assess it where it is an event."""
-        row, window = waiting.row, waiting.window
-        history = self._history(row)
-        first = waiting.start if isinstance(waiting, Stretch) else waiting.onset + round(window.time[0] * 1e9)
-        history.look(window, first, waiting.end, waiting.period)
-        records = [] if isinstance(waiting, Stretch) else self._assess(waiting, history)
+        window, history = waiting.window, self._history(waiting.row)
+        event = waiting if isinstance(waiting, ClosedEvent) else None
+        first = waiting.onset + round(window.time[0] * 1e9) if isinstance(waiting, ClosedEvent) else waiting.start
+        if event is None or not (event.thinned and history.in_force.seen_since(event.onset)):
+            history.look(window, first, waiting.end, waiting.period)
+        records = [] if event is None else self._assess(event, history)
         return records + history.take_plan()
 
     def _history(self, row: int) -> LoopHistory:

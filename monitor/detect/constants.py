@@ -14,13 +14,16 @@ SNAPSHOT_SAMPLES = 64
 a slow response has not yet widened."""
 LEAST_BEFORE_SAMPLES = 8
 """Samples of the window from before the onset, even where the loop was not at rest."""
-STRETCH_SAMPLES = 8192
+STRETCH_SAMPLES, FIRST_STRETCH_SAMPLES = 8192, 512
 """Samples from one stretch that is handed out, for the controller to be seen in it, to the next; a loop that is new has
-one whenever its samples have doubled."""
+one after some samples, and then whenever they have doubled."""
 WINDOW_POINTS = 1024
 """Points of an event's window; when full, every second one is dropped."""
-SLOTS_OF_SAMPLE = 2
-"""Windows that one sample may need: an event's and a stretch's."""
+OPENING_SAMPLES = 96
+"""Samples of an event after which the last `RING_SAMPLES` are handed out, as they came: its window may be thinned by
+the end, and then shows little of the controller."""
+SLOTS_OF_SAMPLE = 3
+"""Windows that one sample may need: an event's and two stretches'."""
 MAX_GAP_PERIODS = 3.5
 """Above it nothing is integrated across (three periods and jitter)."""
 STEP_MOVES_SAMPLES = 5

@@ -25,6 +25,10 @@ CAUSES = (
 BY_STEP, BY_GAP, BY_MODE, BY_END, BY_SETTINGS = range(1, 6)
 
 
+THINNED_PERIODS = 1.5
+"""Sample periods from one point of a window to the next, in the median, from which samples have been left out."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class EventWindow:
     """An event's points in the order of time: every sample, or every second, fourth ... of a long event."""
@@ -71,7 +75,7 @@ class Stretch:
     period: float
     """Of the samples [s]."""
     window: EventWindow
-    """All of it from before an onset."""
+    """Every sample; quiet or not, but where an event opens in it, points after its onset are not ``before`` it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,3 +138,8 @@ class ClosedEvent:
     health: np.void
     """The loop's health record (dtype `HEALTH`) at the event's end, so that what is concluded does not depend on how
     the samples were batched."""
+
+    @property
+    def thinned(self) -> bool:
+        """Whether the window holds every second, fourth ... sample only."""
+        return len(self.window) > 2 and float(np.median(np.diff(self.window.time))) > THINNED_PERIODS * self.period

@@ -13,7 +13,7 @@ from monitor.compiled import jit
 from . import act
 from .accept import accepted, follow_rate, keep_last, remember
 from .baseline import await_baseline
-from .constants import RING_SAMPLES, SLOTS_OF_SAMPLE, STRETCH_SAMPLES
+from .constants import FIRST_STRETCH_SAMPLES, OPENING_SAMPLES, RING_SAMPLES, SLOTS_OF_SAMPLE, STRETCH_SAMPLES
 from .phases import advance, cut_or_drop, end_event
 from .state import CANDIDATE, EVENT, STRETCH
 from .window import append, begin, begin_load, close, confirm, drop
@@ -28,8 +28,8 @@ def run(stores, batch, at):
     """
     n = 0
     for k in range(at, len(batch.time)):
-        # one sample closes one event, opens another, ends a stretch, and takes two slots, at most
-        if n + 3 > len(stores.out) or stores.n_free[0] < SLOTS_OF_SAMPLE:
+        # one sample closes one event, opens another, ends two stretches, and takes three slots, at most
+        if n + 4 > len(stores.out) or stores.n_free[0] < SLOTS_OF_SAMPLE:
             return k, n
         i = batch.loop[k]
         s, p = stores.state[i], stores.param[i]
@@ -51,8 +51,11 @@ def run(stores, batch, at):
         if m & (RING_SAMPLES - 1) == 0 or (m < RING_SAMPLES and m >= 8 and m & (m - 1) == 0):
             # at 8, 16, 32, 64, then once a turn: a gateway that changes its rate is followed
             follow_rate(s, p, stores.ring_time, i)
-            if m & (RING_SAMPLES - 1) == 0 and s.counts.ok >= s.next_stretch:
-                n = hand_out_stretch(s, stores, n, i)
+            if m & (RING_SAMPLES - 1) == 0 and s.counts.ok >= max(s.next_stretch, FIRST_STRETCH_SAMPLES):
+                s.next_stretch = s.counts.ok + min(s.counts.ok, STRETCH_SAMPLES)
+                n = hand_out_stretch(s, stores, n, i, 0)
+        if s.window.slot >= 0 and s.counts.ok - s.event.ok_before == OPENING_SAMPLES and m >= RING_SAMPLES:
+            n = hand_out_stretch(s, stores, n, i, OPENING_SAMPLES)
     return len(batch.time), n
 
 
@@ -75,24 +78,23 @@ def apply_actions(todo, s, stores, n, i, time, sp, pv, op):
 
 
 @jit
-def hand_out_stretch(s, stores, n, i):
-    """Hand out the ring, which has just been filled once more, as a stretch; return the number of rows in ``out``."""
-    ok = s.counts.ok
-    s.next_stretch = ok + min(ok, STRETCH_SAMPLES)
+def hand_out_stretch(s, stores, n, i, after):
+    """Hand out the ring as a stretch; return the number of rows in ``out``.
+
+    The last ``after`` samples of it come after an event's onset.
+    """
     stores.n_free[0] -= 1
     o = stores.out[n]
-    o.what, o.row, o.slot, o.points, o.before = (
-        STRETCH,
-        i,
-        stores.free[stores.n_free[0]],
-        RING_SAMPLES,
-        RING_SAMPLES,
-    )
-    o.onset, o.end, o.period = stores.ring_time[i, 0], stores.ring_time[i, RING_SAMPLES - 1], s.clock.period
+    o.what, o.row, o.slot, o.points = STRETCH, i, stores.free[stores.n_free[0]], RING_SAMPLES
+    o.before, o.period = RING_SAMPLES - after, s.clock.period
+    first = s.ring_n & (RING_SAMPLES - 1)
+    o.onset = stores.ring_time[i, first]
+    o.end = stores.ring_time[i, (first + RING_SAMPLES - 1) & (RING_SAMPLES - 1)]
     w = stores.slab[o.slot]
-    for j in range(RING_SAMPLES):
-        w[j, 0] = (stores.ring_time[i, j] - o.onset) * 1e-9
-        w[j, 1], w[j, 2], w[j, 3] = stores.ring[i, j, 0], stores.ring[i, j, 1], stores.ring[i, j, 2]
+    for k in range(RING_SAMPLES):
+        j = (first + k) & (RING_SAMPLES - 1)
+        w[k, 0] = (stores.ring_time[i, j] - o.onset) * 1e-9
+        w[k, 1], w[k, 2], w[k, 3] = stores.ring[i, j, 0], stores.ring[i, j, 1], stores.ring[i, j, 2]
     return n + 1
 
 

@@ -89,6 +89,10 @@ class InForce:
         """Dead time that the controller adds to the process [s]."""
         return 0.0 if self.seen is None else self.seen.delay
 
+    def seen_since(self, time: int) -> bool:
+        """Whether samples from after a time [ns since 1970] have shown the settings of today."""
+        return self._until > time
+
     def look(self, window: EventWindow, start: int, end: int, period: float) -> bool:
         """Look at the controller in some samples; return whether it has other settings than before.
 

@@ -98,7 +98,7 @@ def test_stretches_are_the_samples_themselves_however_they_are_batched(fleet):
     whole, parts = Detector(loops), Detector(loops)
     whole.run(samples)
     taken = whole.take_stretches()
-    assert len(taken) > 3 * len(loops)
+    assert len(taken) > len(loops)
     assert not whole.take_stretches()
     pieces = []
     for cut in np.array_split(np.arange(len(samples)), 13):

@@ -161,7 +161,9 @@ class Engine:
         """See the controller in what waits; assess it where it is an event."""
         window, history = waiting.window, self._history(waiting.row)
         event = waiting if isinstance(waiting, ClosedEvent) else None
-        first = waiting.onset + round(window.time[0] * 1e9) if isinstance(waiting, ClosedEvent) else waiting.start
+        first = (
+            waiting.onset + round(window.time[0] * 1e9) if isinstance(waiting, ClosedEvent) else waiting.start
+        )
         if event is None or not (event.thinned and history.in_force.seen_since(event.onset)):
             history.look(window, first, waiting.end, waiting.period)
         records = [] if event is None else self._assess(event, history)

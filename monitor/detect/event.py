@@ -142,4 +142,7 @@ class ClosedEvent:
     @property
     def thinned(self) -> bool:
         """Whether the window holds every second, fourth ... sample only."""
-        return len(self.window) > 2 and float(np.median(np.diff(self.window.time))) > THINNED_PERIODS * self.period
+        return (
+            len(self.window) > 2
+            and float(np.median(np.diff(self.window.time))) > THINNED_PERIODS * self.period
+        )

@@ -54,7 +54,11 @@ def run(stores, batch, at):
             if m & (RING_SAMPLES - 1) == 0 and s.counts.ok >= max(s.next_stretch, FIRST_STRETCH_SAMPLES):
                 s.next_stretch = s.counts.ok + min(s.counts.ok, STRETCH_SAMPLES)
                 n = hand_out_stretch(s, stores, n, i, 0)
-        if s.window.slot >= 0 and s.counts.ok - s.event.ok_before == OPENING_SAMPLES and m >= RING_SAMPLES:
+        if (
+            s.window.slot >= 0
+            and s.counts.ok - s.event.ok_before == OPENING_SAMPLES - 1
+            and m >= RING_SAMPLES
+        ):
             n = hand_out_stretch(s, stores, n, i, OPENING_SAMPLES)
     return len(batch.time), n
 

@@ -19,11 +19,12 @@ from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
 from tuners.settings import NotRepresentableError, Settings
 
-from .controller_cause import cause_of, same
+from .controller_cause import cause_of
 from .controller_fit import (
     EXACT_SHARE,
     MOST_JUMPS_SHARE,
     THINNED_SHARE,
+    VERY_LITTLE_SHARE,
     Estimate,
     Known,
     Place,
@@ -35,50 +36,43 @@ from .controller_fit import (
     trimmed,
     walk_share,
 )
-from .controller_law import INTEGRAL, D, P, columns, compared
+from .controller_judge import (
+    NARROW_RATIO,
+    NARROW_TIME_RATIO,
+    VERY_FINE,
+    WELL_EXPLAINED,
+    against,
+    far,
+    is_drawn,
+    shown,
+    well,
+)
+from .controller_law import D, P, columns, compared
+from .controller_other import WEIGHTS, setpoint_inside, varying_gain, with_derivative
 from .controller_rows import LEAST_ROWS, Rows, lay_out
 from .controller_seen import (
     AS_DECLARED,
     BESIDE,
     CONTRADICTED,
     FOUND,
+    NOT_LINEAR,
     UNRESOLVED,
     Controller,
     intervals,
 )
 
-FAR_BETTER = 0.25
-"""Share of the squares that is left where another law is taken for the true one."""
-MUCH_BETTER = 0.1
-"""The same for a PV filter or a delay."""
-WELL_EXPLAINED, FINE, VERY_FINE = 0.98, 0.8, 0.98
-"""Shares of OP's levels, and of its moves from row to row, that such a law must explain; of moves, with a filter."""
-STRAIGHT_SHARE, MOST_STRAIGHT_SHARE = 1e-9, 0.5
-"""Share of OP's range by which it may bend and still be straight; share of rows from which it was drawn straight."""
-LEAST_DELAY_PERIODS = 0.25
-"""A filter and a delay together that add less than this are none."""
-FAR_SD = 4.0
-"""Standard deviations from which a gain is another one."""
-SLACK_SHARE, EXACT_SLACK_SHARE = 0.01, 0.003
-"""Share of a gain that is no difference; where the law is exact."""
-DERIVATIVE_SLACK_SHARE, EXACT_DERIVATIVE_SLACK_SHARE = 0.3, 0.02
-"""The same of kd, which a block's filter and way of taking differences shift."""
+FAR_BETTER, MUCH_BETTER = 0.25, 0.1
+"""Share of the squares that is left where other gains are taken for the true ones; where a filter or a delay is."""
 LEAST_EXACT_ROWS = 7
 """Rows that show a law that leaves nothing."""
-FORGETS_FILTERS = 8.0
-"""Derivative filter times after which its unknown start is forgotten."""
+FORGETS_LN = 9.0
+"""Of the share to which the derivative filter\'s unknown start fades, until its rows count."""
 LEAST_FILTER_PERIODS = 0.05
 """A PV filter shorter than this is none."""
-NARROW_RATIO, NARROW_TIME_RATIO = 1.15, 1.25
-"""Ratio to the ends of their intervals up to which kp and ti are known."""
+LEAST_TD_PERIODS = 2.0
+"""Sample periods from which a derivative that nobody declared is one: a shorter one may be coarse sampling."""
 FAR_RATIO = 2.0
 """Ratio to the ends of its interval from which kp is hardly known."""
-FAR_KP_RATIO, FAR_TI_RATIO = 1.15, 1.25
-"""Ratios from which inexact gains are other ones."""
-LEAST_QUANTA = 12.0
-"""Steps of a rounded OP over which it must range to show its law."""
-MOVES_WITH_DERIVATIVE = 0.999
-"""Share of OP's moves that is explained where the samples show a derivative."""
 NOWHERE = Place(0.0, 0.0, 0.0)
 FREE = np.full(4, np.nan)
 
@@ -100,7 +94,8 @@ class Case:
             return self
         use = self.rows.use.copy()
         period, tf = self.rows.period, self.known.tf
-        use[: 2 + math.ceil(FORGETS_FILTERS * tf / (tf + period))] = False
+        fading = FORGETS_LN / math.log1p(period / tf) if tf > 0 else 0.0
+        use[: min(2 + math.ceil(fading), len(use) // 4)] = False
         return replace(self, rows=replace(self.rows, use=use))
 
     def controller(
@@ -170,27 +165,54 @@ def _as_declared(case: Case) -> Controller | None:
     """Return what is said where the table explains OP to rounding, but for sparse jumps of its own; cheap."""
     rows, known = case.rows, case.known
     for present in (1.0, 0.5, 0.0):
-        x = columns(rows.time, rows.sp, rows.pv, known.law(rows, present), 0.0, 0)
-        share = EXACT_SHARE if rows.stride == 1 else THINNED_SHARE
-        jump, rest, allowed, moved, spread = compared(
-            x, known.gains, rows.op, rows.use, rows.fresh, share, rows.quantum
-        )
-        told = np.count_nonzero(rows.use)
-        few = (
-            np.count_nonzero(jump) <= max(MOST_JUMPS_SHARE * told, told // LEAST_ROWS)
-            and told >= LEAST_EXACT_ROWS
-        )
-        if few and rest <= allowed and moved > 2.0 * rows.quantum:
-            at = np.flatnonzero(jump)
-            return _declared(case, NOWHERE, 1.0 - (rest / max(spread, 1e-300)) ** 2, _jumps_said(rows, at))
+        found = _compared(rows, known, present)
+        if found is None:
+            continue
+        at, share = found
+        moved = at[np.diff(rows.sp)[at - 1] != 0]
+        other = _other_weights(rows, known, present, len(at)) if len(moved) else None
+        if other is not None:
+            return _weights_said(replace(case, known=other), known, share)
+        return _declared(case, NOWHERE, share, _jumps_said(np.setdiff1d(at, moved)))
     return None
 
 
-def _jumps_said(rows: Rows, at: NDArray[np.intp]) -> str:
+def _compared(rows: Rows, known: Known, present: float) -> tuple[NDArray[np.intp], float] | None:
+    """Return the rows at which OP jumps, and the share that the law explains beside; None where it is not exact."""
+    x = columns(rows.time, rows.sp, rows.pv, known.law(rows, present), 0.0, 0)
+    share = EXACT_SHARE if rows.stride == 1 else THINNED_SHARE
+    jump, rest, allowed, moved, spread = compared(
+        x, known.gains, rows.op, rows.use, rows.fresh, share, rows.quantum
+    )
+    told, at = np.count_nonzero(rows.use), np.flatnonzero(jump)
+    few = len(at) <= max(MOST_JUMPS_SHARE * told, told // LEAST_ROWS) and told >= LEAST_EXACT_ROWS
+    if not few or rest > allowed or moved <= 2.0 * rows.quantum:
+        return None
+    return at, 1.0 - (rest / max(spread, 1e-300)) ** 2
+
+
+def _other_weights(rows: Rows, known: Known, present: float, jumps: int) -> Known | None:
+    """Return the law with the set-point weights that leave no jump at the set point's steps; None where none do."""
+    for b, c in WEIGHTS:
+        other = replace(known, b=b, c=c)
+        found = _compared(rows, other, present) if (b, c) != (known.b, known.c) else None
+        if found is not None and len(found[0]) < jumps and not np.any(np.diff(rows.sp)[found[0] - 1]):
+            return other
+    return None
+
+
+def _weights_said(case: Case, declared: Known, share: float) -> Controller:
+    """Say that the set point acts otherwise than the table has it."""
+    b, c = case.known.b, case.known.c
+    name = {(1.0, 1.0): "PID", (1.0, 0.0): "PI-D", (0.0, 0.0): "I-PD"}[(b, c)]
+    if not case.known.derivative:
+        name = "I-P: no kick at a set-point step" if b == 0.0 else "PI"
+    cause = f"OP behaves as with b = {b:g}, c = {c:g} ({name}), the table says {declared.b:.3g} and {declared.c:.3g}"
+    return case.controller(CONTRADICTED, None, NOWHERE, share, cause)
+
+
+def _jumps_said(sudden: NDArray[np.intp]) -> str:
     """Say that OP jumps by itself, where it does."""
-    moved = np.zeros(len(rows), bool)
-    moved[1:] = np.diff(rows.sp) != 0
-    sudden = at[~moved[at]]
     if len(sudden) == 0:
         return ""
     times = "once" if len(sudden) == 1 else f"{len(sudden)} times"
@@ -219,20 +241,29 @@ def _declared(
 def _searched(case: Case) -> Controller:
     """Return what is said where the table alone does not explain OP to rounding."""
     known = case.known
-    rows = trimmed(case.rows, known.law(case.rows), known.active, 4.0 * case.rows.quantum)
+    inside = setpoint_inside(case.rows, known)
+    if inside is not None:
+        return case.controller(BESIDE, None, NOWHERE, 1.0, inside.words)
+    whole = case.rows
+    rows = trimmed(whole, known.law(whole), known.active, 4.0 * whole.quantum)
     case = replace(case, rows=rows)
     walk = walk_share(rows, known.law(rows), known.active, FREE)
     share = explained(rows, known, known.gains, NOWHERE, 0.0)
+    best = estimate(rows, known, walk, NOWHERE)
+    if not is_exact(rows, known, best):
+        case, best = _with_filter_found(case, best, walk)
+    if is_exact(rows, case.known, best):
+        known = case.known
+        other = against(known, best, rows, exact=True) and (
+            known.derivative or far(known, best) or is_exact(rows, known, best, VERY_LITTLE_SHARE)
+        )
+        if is_drawn(rows) or not other:
+            return _declared(case, NOWHERE, share, "", best)
+        return _contradicted(case, best, share)
     s0 = left_at(rows, known, known.gains, walk, NOWHERE)
-    here = estimate(rows, known, walk, NOWHERE)
-    if is_exact(rows, known, here):
-        if against(known, here, rows, exact=True):
-            return _contradicted(case, here, share)
-        return _declared(case, NOWHERE, share, "", here)
     table = placed(rows, known, known.gains, walk)
     s1 = left_at(rows, known, known.gains, walk, table)
-    best = here
-    if s1 <= MUCH_BETTER * s0 and _well(rows, known, known.gains, table):
+    if s1 <= MUCH_BETTER * s0 and well(rows, known, known.gains, table):
         there = estimate(rows, known, walk, table)
         if there.place.squares > FAR_BETTER * s1 or not against(known, there, rows):
             return _declared(case, table, explained(rows, known, known.gains, table, 0.0))
@@ -240,84 +271,46 @@ def _searched(case: Case) -> Controller:
     free = estimate(rows, known, walk, placed(rows, known, FREE, walk))
     if free.place.squares <= FAR_BETTER * best.place.squares:
         best = free
-    if not against(known, best, rows):
-        sure = intervals(best)[0].ratio < FAR_RATIO or share > WELL_EXPLAINED
-        return (
-            _declared(case, NOWHERE, share, "", best)
-            if sure
-            else case.controller(UNRESOLVED, best, NOWHERE, share)
-        )
-    far_better = min(s0, s1) > best.place.squares / FAR_BETTER
-    if far_better and _far(known, best) and _shown(case, best):
+    return _judged(case, whole, best, (share, min(s0, s1), walk))
+
+
+def _judged(case: Case, whole: Rows, best: Estimate, facts: tuple[float, float, float]) -> Controller:
+    """Return what is said where nothing is exact.
+
+    ``facts`` are the share of OP that the table explains, the squares that it leaves at its best place, and the share
+    of the walk; ``whole`` the rows with all jumps.
+    """
+    known, rows, (share, left, walk) = case.known, case.rows, facts
+    other = against(known, best, rows)
+    if other or explained(whole, known, best.gains, best.place, 1.0) < VERY_FINE:
+        varying = varying_gain(whole, known, left_at(whole, known, FREE, 1.0, best.place))
+        if varying:
+            return case.controller(NOT_LINEAR, best, NOWHERE, share, varying)
+    if not other:
+        if share > WELL_EXPLAINED or intervals(best)[0].ratio < FAR_RATIO:
+            return _declared(case, NOWHERE, share, "", best)
+    elif left > best.place.squares / FAR_BETTER and far(known, best) and shown(rows, known, best, walk):
         return _contradicted(case, best, share)
     return case.controller(UNRESOLVED, best, NOWHERE, share)
 
 
-def _far(known: Known, found: Estimate) -> bool:
-    """Whether gains lie so far from the table's that no way of recording explains it."""
-    kp, ki = float(found.gains[P]), float(found.gains[INTEGRAL])
-    if known.ki == 0:
-        return True
-    return not same(kp, known.kp, FAR_KP_RATIO) or not same(ki / known.ki, kp / known.kp, FAR_TI_RATIO)
-
-
-def _shown(case: Case, found: Estimate) -> bool:
-    """Whether the recording shows the controller well enough to contradict a table.
-
-    A derivative lives on what PV does from sample to sample: where a controller runs faster than the samples come, it
-    is taken for a large gain. Only where hardly anything is left of OP's moves, and the derivative time is the table's
-    (or in minutes), has it been recorded.
-    """
-    rows, known = case.rows, case.known
-    if np.ptp(rows.op[rows.use]) < LEAST_QUANTA * rows.quantum:
-        return False
-    levels, moves = (explained(rows, known, found.gains, found.place, walk) for walk in (0.0, 1.0))
-    if known.derivative:
-        td = float(found.gains[D] / found.gains[P]) / (known.kd / known.kp) if known.kd else 1.0
-        return moves > MOVES_WITH_DERIVATIVE and any(same(td, times, FAR_KP_RATIO) for times in (1.0, 60.0))
-    kp, ti, _ = intervals(found)
-    return levels > WELL_EXPLAINED and (
-        moves > FINE or (kp.ratio < NARROW_RATIO and ti.ratio < NARROW_TIME_RATIO)
-    )
-
-
-def _well(rows: Rows, known: Known, gains: Array, place: Place) -> bool:
-    """Whether gains explain OP's levels, and its moves from row to row, with a filter or delay that adds dead time.
-
-    Noise that the controller did not see, and a historian that draws straight lines, look like a filter, too, but leave
-    more of the moves.
-    """
-    if place.filter_time + place.late * rows.period < LEAST_DELAY_PERIODS * rows.period:
-        return False
-    levels = explained(rows, known, gains, place, 0.0)
-    if np.mean(np.abs(np.diff(rows.op, 2)) < STRAIGHT_SHARE * np.ptp(rows.op)) > MOST_STRAIGHT_SHARE:
-        return False
-    return levels > WELL_EXPLAINED and explained(rows, known, gains, place, 1.0) > VERY_FINE
-
-
-def against(known: Known, found: Estimate, rows: Rows, *, exact: bool = False) -> bool:
-    """Whether the table's gains lie outside of what the data allow, and of what a block's own ways may shift.
-
-    A block may count the present error to its integral, the last one, or half of each: kp then shifts by ``ki dt``, or
-    half of it.
-    """
-    shift = float(found.gains[INTEGRAL]) * rows.period
-    slack = EXACT_SLACK_SHARE if exact else SLACK_SHARE
-    for which, declared in ((P, known.kp), (INTEGRAL, known.ki), (D, known.kd)):
-        if which == D and not known.derivative:
-            continue
-        low, high = found.ends(which, FAR_SD)
-        allowed = slack * max(abs(declared), abs(float(found.gains[which])) if declared == 0 else 0.0)
-        shifts: tuple[float, ...] = (0.0,)
-        if which == D:
-            allowed = (EXACT_DERIVATIVE_SLACK_SHARE if exact else DERIVATIVE_SLACK_SHARE) * abs(declared)
-        elif which == P and exact and known.derivative:
-            shifts = (-1.0, -0.5, 0.0, 0.5, 1.0)
-        elif which == P:
-            allowed += abs(shift)
-        if not any(low - allowed <= declared + s * shift <= high + allowed for s in shifts):
-            return True
-    return False
+def _with_filter_found(case: Case, best: Estimate, walk: float) -> tuple[Case, Estimate]:
+    """Return the case with a derivative, or its filter, as the data have them, where that leaves far less."""
+    if case.rows.stride > 1:
+        return case, best
+    other = with_derivative(case.rows, case.known, walk)
+    found = estimate(case.rows, other, walk, NOWHERE)
+    td = float(found.gains[D] / found.gains[P]) if found.gains[P] else 0.0
+    least = 0.0 if case.known.derivative else LEAST_TD_PERIODS * case.rows.period
+    if found.place.squares > FAR_BETTER * best.place.squares or td <= least:
+        return case, best
+    if (
+        case.known.given
+        and not case.known.derivative
+        and not is_exact(case.rows, other, found, VERY_LITTLE_SHARE)
+    ):
+        return case, best  # coarse samples of a PI look like a derivative, too
+    return replace(case, known=other), found
 
 
 def _contradicted(case: Case, found: Estimate, share: float) -> Controller:
@@ -349,10 +342,15 @@ def _without_table(case: Case) -> Controller:
     walk = walk_share(rows, known.law(rows), known.active, FREE)
     found = estimate(rows, known, walk, NOWHERE)
     if not is_exact(rows, known, found):
+        case, found = _with_filter_found(case, found, walk)
+        known = case.known
+    if not is_exact(rows, known, found):
         free = estimate(rows, known, walk, placed(rows, known, FREE, walk))
         found = free if free.place.squares <= FAR_BETTER * found.place.squares else found
     kp, ti, _ = intervals(found)
     seen = settings_of_gains(found.gains, known)
     share = explained(rows, known, found.gains, found.place, 0.0)
     clear = share > WELL_EXPLAINED and kp.ratio < NARROW_RATIO and ti.ratio < NARROW_TIME_RATIO
-    return case.controller(FOUND if clear and seen is not None else UNRESOLVED, found, found.place, share)
+    if seen is None or not clear or is_drawn(rows):
+        return case.controller(UNRESOLVED, found, NOWHERE, share)
+    return case.controller(FOUND, found, found.place, share)

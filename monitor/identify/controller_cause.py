@@ -82,11 +82,10 @@ def _kp_said(loop: Loop, kp: float, slack: float) -> str:
     said = f"OP behaves as with kp = {short_number(kp)}, the table says {short_number(table)}"
     if same(kp, -table, slack):
         return f"{said}: the sign?"
-    for ratio, why in (*_spans(loop), *KNOWN_RATIOS):
-        if same(abs(kp), abs(table) * ratio, slack):
-            return f"{said}: {why}?"
-    if same(abs(kp), 100.0 / abs(table), slack):
-        return f"{said}: a proportional band?"
+    ratios = (*_spans(loop), *KNOWN_RATIOS, (100.0 / table**2, "a proportional band"))
+    ratio, why = min(ratios, key=lambda r: abs(math.log(abs(kp / table) / r[0])))
+    if same(abs(kp), abs(table) * ratio, slack):
+        return f"{said}: {why}?"
     return f"{said}: a gain {short_number(kp / table)} times the table's"
 
 
@@ -94,7 +93,7 @@ def _spans(loop: Loop) -> Iterator[tuple[float, str]]:
     if loop.op_span is None or loop.pv_low is None or loop.pv_high is None:
         return
     ratio = loop.op_span / (loop.pv_high - loop.pv_low)
-    if not same(ratio, 1.0, MOST_ALIKE_RATIO):
+    if not same(ratio, 1.0, ALIKE_RATIO):
         yield ratio, "in % of the spans (%/%)"
         yield 1.0 / ratio, "the spans the other way round"
 
@@ -105,15 +104,16 @@ def _time_said(name: str, declared: float, seen: float, slack: float) -> str:
     said = f"OP behaves as with {name} = {_seconds(seen)}, the table says {_plain(declared)}"
     if declared == 0 or not (math.isfinite(declared) and math.isfinite(seen)) or seen <= 0:
         return said
-    for value, why in (
+    units = (
         (60.0 * declared, "minutes"),
         (60.0 / declared, "repeats a minute"),
         (1.0 / declared, "repeats a second"),
         (declared / 60.0, "seconds for minutes"),
         (3600.0 * declared, "hours"),
-    ):
-        if same(seen, value, slack):
-            return f"{said}: {why}?"
+    )
+    value, why = min(units, key=lambda u: abs(math.log(seen / u[0])))
+    if same(seen, value, slack):
+        return f"{said}: {why}?"
     return f"{said}: {short_number(seen / declared)} times as much"
 
 

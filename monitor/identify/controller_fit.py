@@ -39,8 +39,8 @@ LONGEST_FILTER_SHARE = 0.8
 SEARCHED_ROWS, SEARCHED_BEFORE_ROWS = 400, 80
 """Rows in which filter and delay are looked for, and how many of them lie before the onset."""
 Z95 = 1.96
-LEFT_SHARE, MOST_ROUNDED_SHARE = 1e-5, 1e-2
-"""Share of the squares of OP's moves that an exact law leaves, beside rounding's; the most that rounding may have."""
+LEFT_SHARE, VERY_LITTLE_SHARE, MOST_ROUNDED_SHARE = 1e-5, 1e-9, 1e-2
+"""Share of the squares of OP's moves that an exact law leaves; a computed one; most that rounding may have."""
 LEAST_PRODUCT = 1e-30
 """Of a column with itself; of less than rounding, it is nothing."""
 LEAST_REST_SHARE = 1e-4
@@ -131,8 +131,9 @@ def walk_share(rows: Rows, law: tuple[float, ...], active: NDArray[np.int64], ga
         m = products(white)
         s = solved(m, active)[1] if math.isnan(gains[0]) else left_by_known(m, gains)
         s = max(s, 1e-24 * m[OP, OP])
-        if n > 0 and n * math.log(s / n) + log_f < best and s > 0:
-            best, out = n * math.log(s / n) + log_f, walk
+        unlikely = n * math.log(s / n) + log_f if n > 0 and s > 0 else math.inf
+        if unlikely < best:
+            best, out = unlikely, walk
     return out
 
 
@@ -199,7 +200,7 @@ def estimate(rows: Rows, known: Known, walk: float, place: Place) -> Estimate:
     inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
     reach = int(min(4 + n ** (1 / 3), n // 4))
     robust = inverse @ scores(white, gains, active, reach) @ inverse
-    least = LEAST_REST_SHARE**2 * float(m[OP, OP]) / max(n, 1)
+    least = (LEAST_REST_SHARE if rows.stride == 1 else THINNED_SHARE) ** 2 * float(m[OP, OP]) / max(n, 1)
     plain = max(s / max(n - len(active), 1), least) * inverse
     variance = np.maximum(np.diag(robust), np.diag(plain))
     sd, ratio = np.full(3, 0.0), np.ones(3)
@@ -219,13 +220,11 @@ def explained(rows: Rows, known: Known, gains: Array, place: Place, walk: float)
     return float(1.0 - max(left_by_known(m, gains) - allowed, 0.0) / m[OP, OP]) if m[OP, OP] > 0 else 0.0
 
 
-def is_exact(rows: Rows, known: Known, found: Estimate) -> bool:
-    """Whether gains explain OP's moves to rounding, and the moves are more than rounding."""
+def is_exact(rows: Rows, known: Known, found: Estimate, share: float = LEFT_SHARE) -> bool:
+    """Whether gains leave no more than a share of OP's moves beside rounding, and the moves are more than rounding."""
     m = products(_white(rows, known, 1.0, found.place)[0])
     allowed, moves = _rounded_away(rows, 1.0), float(m[OP, OP])
-    return (
-        allowed < MOST_ROUNDED_SHARE * moves and left_by_known(m, found.gains) - allowed < LEFT_SHARE * moves
-    )
+    return allowed < MOST_ROUNDED_SHARE * moves and left_by_known(m, found.gains) - allowed < share * moves
 
 
 def _rounded_away(rows: Rows, walk: float) -> float:

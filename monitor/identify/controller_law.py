@@ -14,7 +14,7 @@ import numpy as np
 from monitor.compiled import jit
 
 P, INTEGRAL, D, START = range(4)
-"""Columns: what kp, ki and kd multiply, and what an unknown start of the PV filter leaves behind."""
+"""Columns: what kp, ki and kd multiply, and what an unknown start of a filter leaves behind."""
 GAINS, OP = 3, 4
 """Columns that are gains; the place of OP behind the columns."""
 WALK_SHARES = (0.0, 1e-4, 1e-2, 0.2, 1.0)
@@ -52,7 +52,8 @@ def columns(time, sp, pv, law, filter_time, late):
     ``law`` is tf, b, c, the share of the present error in a step of the integral (1: backward, 0: forward difference),
     and how far, in rows, the middle of what OP is a mean of lies behind its row (0 but in a thinned window). The PV
     filter is a block's, ``f += a (pv - f)`` with ``a = dt/(T + dt)``; OP follows ``late`` rows after what it answers
-    to, earlier ones where that is negative.
+    to, earlier ones where that is negative. What is not known of the start fades as the PV filter forgets it, or,
+    without one, the derivative's.
     """
     n = len(time)
     tf, b, c, present, middle = law[0], law[1], law[2], law[3], law[4]
@@ -66,7 +67,7 @@ def columns(time, sp, pv, law, filter_time, late):
             dt = time[k] - time[k - 1]
             a = dt / (filter_time + dt)
             f += a * (pv[k] - f)
-            start *= 1.0 - a
+            start *= 1.0 - a if filter_time > 0.0 else tf / (tf + dt)
             e_now = sp[k] - f
             if middle > 0.0:  # the set point is held between rows, PV is not
                 integral += dt * (0.5 * (e + sp[k - 1] - f))

@@ -13,6 +13,8 @@ from monitor.detect.event import EventWindow
 
 LEAST_ROWS = 24
 """Rows below which nothing is said of a controller."""
+LEAST_FLOATS = 1e6
+"""Spacings of a float over which PV and OP must move: what is left of a simulated response is rounding."""
 WIDE_PERIODS = 1.5
 """Periods from one row to the next from which a sample is missing between them: the integral has a gap."""
 RESTS_ROWS = 3
@@ -66,6 +68,11 @@ class Rows:
         fresh[at] = True
         return replace(self, fresh=fresh)
 
+    def part(self, kept: slice) -> Rows:
+        """Return some of the rows, in a row."""
+        columns = {n: getattr(self, n)[kept] for n in ("time", "sp", "pv", "op", "use", "fresh")}
+        return replace(self, **columns, before=max(self.before - (kept.start or 0), 0))
+
     def at_scans(self, late: int = 0) -> Rows:
         """Return the rows at which the controller ran, with the inputs of ``late`` rows before."""
         first = self.phase if self.phase >= late else self.phase + self.scan
@@ -109,7 +116,7 @@ def lay_out(window: EventWindow, period: float, loop: Loop) -> Rows | None:
     own = float(np.median(np.diff(time)))
     stride = max(round(own / period), 1)
     moves = np.abs(np.diff(op))
-    if np.count_nonzero(moves) < LEAST_MOVES:
+    if np.count_nonzero(moves) < LEAST_MOVES or not (_moves(pv) and _moves(op)):
         return None
     quantum = _quantum(moves)
     fresh = np.concatenate([[True], np.diff(time) > WIDE_PERIODS * own])
@@ -134,6 +141,11 @@ def scan_rows(op: Array) -> tuple[int, int]:
         if len(at) - phases[best] <= OFF_SCAN_SHARE * len(at):
             return step, best
     return 1, 0
+
+
+def _moves(values: Array) -> bool:
+    """Whether values move by far more than their floats are rounded."""
+    return float(np.ptp(values)) > LEAST_FLOATS * float(np.finfo(float).eps * np.max(np.abs(values)))
 
 
 def _quantum(moves: Array) -> float:

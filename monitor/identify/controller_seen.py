@@ -129,6 +129,8 @@ def differ(one: Controller, other: Controller) -> str:
     >>> differ(before, after)
     'kp 2 to 3.5'
     """
+    if {one.said, other.said} <= {AS_DECLARED, BESIDE}:
+        return ""
     said = []
     for name, unit in (("kp", ""), ("ti", " s"), ("td", " s")):
         a, b = getattr(one, name), getattr(other, name)
@@ -155,8 +157,9 @@ _RANK = (CONTRADICTED, NOT_LINEAR, BESIDE, AS_DECLARED, FOUND)
 def combined(seen: Sequence[Controller]) -> Controller | None:
     """Return what several windows of one loop, under the same settings, show together; None without any.
 
-    What most windows say that say something is said; among these, values are means weighted by their intervals. Each
-    interval is as wide as the weights make it, and at least as the scatter of the values among the windows does.
+    What most windows say that say something is said, and a law that is not linear where any shows it; among these,
+    values are means weighted by their intervals. Each interval is as wide as the weights make it, and at least as the
+    scatter of the values among the windows does.
 
     Examples
     --------
@@ -174,7 +177,8 @@ def combined(seen: Sequence[Controller]) -> Controller | None:
         )
     count = {said: sum(c.said == said for c in told) for said in _RANK}
     count[BESIDE] += count[AS_DECLARED] * (count[BESIDE] > 0)  # the same, where the window shows less
-    said = max(_RANK, key=lambda r: count[r])
+    # a gain that varies shows only where the error crosses its edge
+    said = NOT_LINEAR if count[NOT_LINEAR] else max(_RANK, key=lambda r: count[r])
     own = [c for c in told if c.said == said]
     best = min(own, key=lambda c: _width(c.kp) + _width(c.ti))
     kp, ti, td = (together([getattr(c, name) for c in own]) for name in ("kp", "ti", "td"))

@@ -70,8 +70,9 @@ def assess_event(
     """
     load = event.kind == LOAD_STEP
     event = without_outliers(event)
-    fit, decided, declared = model_of_event(loop, event)
-    fit = None if fit is None else replace(fit, extra_delay=extra_delay)
+    shown = model_of_event(loop, event)
+    fit = None if shown.fit is None else replace(shown.fit, extra_delay=extra_delay)
+    shown, decided = shown._replace(fit=fit), shown.decided
     against = evidence_against(loop, event, fit, decided)
     # figures of a model that does not explain the event would only mislead
     trusted = fit if fit is not None and decided and is_explained(fit, event) else None
@@ -80,7 +81,7 @@ def assess_event(
     ms = None if contradiction else current_sensitivity(loop, model, event.period)
     doubts = [*against, contradiction] if contradiction else against
     verdict, reason = _said(loop, event, model, (ci, ms), doubts)
-    said = verdict, "; ".join(filter(None, [declared, reason]))
+    said = verdict, "; ".join(filter(None, [shown.contradiction, reason]))
     finding = Finding(
         _record(loop, event, (fit, trusted), (ci, ms), said),
         fit,
@@ -92,7 +93,7 @@ def assess_event(
     if fit is None or against or not (thorough or verdict != GOOD):
         return finding
     misfit = model_error(event.window, fit, event.noise)
-    return replace(finding, rivals=rivals(event, fit), misfit=misfit)
+    return replace(finding, rivals=rivals(event, shown), misfit=misfit)
 
 
 def _record(

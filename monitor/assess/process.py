@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from monitor.contract.loops import Loop
 from monitor.detect.event import LOAD_STEP, ClosedEvent
-from monitor.identify.direct import fit_kinds
+from monitor.identify.direct import fit_kinds, fit_window
 from monitor.identify.fit import Fit, contradictory, decide, rivals_of
 from monitor.identify.indirect import LEAST_OP_EXPLAINED, indirect_fit, op_explained
 from tuners.models import INTEGRATING, SELF_REGULATING
@@ -17,25 +18,48 @@ from .evidence import NOISY_RANGE_SHARE, is_explained
 from .reference import settings_of
 
 
-def model_of_event(loop: Loop, event: ClosedEvent) -> tuple[Fit | None, bool, str]:
-    """Return the model that an event shows, whether its kind is beyond doubt, and what contradicts the table's kind.
+class Shown(NamedTuple):
+    """What an event shows of the process."""
+
+    fit: Fit | None
+    """The model that is believed."""
+    decided: bool
+    """Its kind is beyond doubt."""
+    contradiction: str
+    """In what the data contradict the kind that the table declares, in words; empty where they do not."""
+    direct: list[Fit]
+    """The direct fits that were made."""
+
+
+def model_of_event(loop: Loop, event: ClosedEvent) -> Shown:
+    """Return the model that an event shows.
 
     Where the kind that the table declares does not explain the event, and the other one does, that is the process.
     """
-    fit, decided = _identify(loop, event)
-    if fit is None or loop.process == "auto" or not decided or is_explained(fit, event):
-        return fit, decided, ""
-    other, sure = decide(_both_kinds(event), float(event.window.time[-1]))
-    if other is None or not sure or other.process == fit.process or not is_explained(other, event):
-        return fit, decided, ""
-    return other, True, f"the table calls the process {loop.process}, the data show a {other.process} one"
-
-
-def rivals(event: ClosedEvent, fit: Fit) -> tuple[Fit, ...]:
-    """Return the models of the other kind of process that an event does not exclude."""
+    shown = _identify(loop, event)
+    fit = shown.fit
+    if fit is None or loop.process == "auto" or not shown.decided or is_explained(fit, event):
+        return shown
     both = _both_kinds(event)
-    mine = next((f for f in both if f.process == fit.process), fit)
-    others = [replace(f, extra_delay=fit.extra_delay) for f in both if f.process != fit.process]
+    other, sure = decide(both, float(event.window.time[-1]))
+    if other is None or not sure or other.process == fit.process or not is_explained(other, event):
+        return shown
+    said = f"the table calls the process {loop.process}, the data show a {other.process} one"
+    return Shown(other, True, said, both)
+
+
+def rivals(event: ClosedEvent, shown: Shown) -> tuple[Fit, ...]:
+    """Return the models of the other kind of process that an event does not exclude."""
+    if shown.fit is None:
+        return ()
+    kind, direct = shown.fit.process, shown.direct
+    if len(direct) == 1 and kind == SELF_REGULATING:  # its likelihood is that of a model with two lags, too
+        other = fit_window(event.window, INTEGRATING, event.kind == LOAD_STEP, event.period, compared=True)
+        direct = [*direct, *([] if other is None else [other])]
+    elif len(direct) == 1:
+        direct = _both_kinds(event)
+    mine = next((f for f in direct if f.process == kind), shown.fit)
+    others = [replace(f, extra_delay=shown.fit.extra_delay) for f in direct if f.process != kind]
     return rivals_of(mine, others)
 
 
@@ -44,8 +68,8 @@ def _both_kinds(event: ClosedEvent) -> list[Fit]:
     return fit_kinds(event.window, [INTEGRATING, SELF_REGULATING], event.kind == LOAD_STEP, event.period)
 
 
-def _identify(loop: Loop, event: ClosedEvent) -> tuple[Fit | None, bool]:
-    """Fit the kinds of process that the loop may be; return the best and whether the kind is beyond doubt.
+def _identify(loop: Loop, event: ClosedEvent) -> Shown:
+    """Fit the kinds of process that the loop may be.
 
     Directly first. A set-point step under much noise is also fitted by simulating the closed loop, where the known
     settings reproduce OP: noise that travels round the loop biases the direct fit, while a wrong order of the
@@ -59,12 +83,12 @@ def _identify(loop: Loop, event: ClosedEvent) -> tuple[Fit | None, bool]:
     settings = settings_of(loop)
     noisy = best is not None and best.sigma >= NOISY_RANGE_SHARE * float(np.ptp(window.pv))
     if best is None or load or settings is None or not noisy:
-        return best, decided
+        return Shown(best, decided, "", direct)
     if op_explained(window, settings, period) < LEAST_OP_EXPLAINED:
-        return best, decided
+        return Shown(best, decided, "", direct)
     fits = [indirect_fit(window, period, settings, f) for f in ([best] if decided else direct)]
     better = [f for f in fits if f is not None and is_explained(f, event) and not contradictory([f], best)]
     if not better:
-        return best, decided
+        return Shown(best, decided, "", direct)
     chosen, sure = decide(better, span)
-    return chosen, decided or (sure and len(better) == len(direct))
+    return Shown(chosen, decided or (sure and len(better) == len(direct)), "", direct)

@@ -103,7 +103,7 @@ class LoopHistory:
             The loop's row, where somebody has said so; else the settings are those seen in the data.
         """
         if table is not None:
-            self.in_force = InForce(table)
+            self.in_force = InForce(table, extra_delay=self.in_force.extra_delay)
         if self.plan is not None:
             part = part_of(self.plan, settings_of(self.loop))
             self.plan = msgspec.structs.replace(self.plan, since=since) if part else None
@@ -160,7 +160,8 @@ def _judge(history: LoopHistory) -> tuple[Tuning, _Standing | None]:
         return tuning, history.standing
     joint, why = _joint(usable)
     newer = [f for f in usable if f.record.start >= history.retuned]
-    if why and history.retuned and newer:  # the events since the last change correct what was known before
+    if why and history.retuned and any(f.record.kind == SETPOINT for f in newer):
+        # a set-point step since the last change corrects what was known before; loads may be of another shape each
         joint, why = _joint(newer)
     if joint is not None:
         tuning = replace(tuning, process=joint.process, model=model_fields(joint))

@@ -27,6 +27,8 @@ TABLE, DATA = "table", "data"
 """Where the settings in force are known from."""
 MOST_WINDOWS = 8
 """Windows that are kept of what the data show of a controller."""
+SHOWS_DELAY_SHARE = 0.99
+"""Share of OP's movement that must be explained for a window to show that there is no filter and no delay."""
 TOLD_SHARE = 0.01
 """Relative difference of a setting from which it is told."""
 
@@ -57,6 +59,8 @@ class InForce:
     """The controller of today as the data show it, the last windows together."""
     contradiction: str = ""
     """In what the data contradict the table, or any linear controller, in words; empty where they do not."""
+    extra_delay: float = 0.0
+    """Dead time that the controller adds to the process [s]: the most that was seen, until a window shows less."""
     change: Change | None = None
     """The last change that was seen."""
     _loop: Loop | None = None
@@ -83,11 +87,6 @@ class InForce:
         if self._loop is not None:
             return DATA
         return "" if self.table.kp is None else TABLE
-
-    @property
-    def extra_delay(self) -> float:
-        """Dead time that the controller adds to the process [s]."""
-        return 0.0 if self.seen is None else self.seen.delay
 
     def seen_since(self, time: int) -> bool:
         """Whether samples from after a time [ns since 1970] have shown the settings of today."""
@@ -167,9 +166,16 @@ class InForce:
         changed = old is not None and bool(differ(old, found))
         self._windows = [found] if changed else [*self._windows, found][-MOST_WINDOWS:]
         self.seen = combined(self._windows)
+        self._note_delay(found)
         if changed and old is not None and old.settings is not None and found.settings is not None:
             self.change = Change(self._until, start, old.settings, found.settings)
         return changed
+
+    def _note_delay(self, found: Controller) -> None:
+        """Take over filter, delay and pace: a block does not lose them by a retune, nor where a window shows little."""
+        delay = 0.0 if self.seen is None else max(self.seen.delay, found.delay)
+        shows = found.explained is not None and found.explained >= SHOWS_DELAY_SHARE
+        self.extra_delay = delay if shows else max(delay, self.extra_delay)
 
 
 def _bare(loop: Loop) -> Loop:

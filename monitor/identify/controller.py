@@ -47,7 +47,7 @@ from .controller_judge import (
     shown,
     well,
 )
-from .controller_law import D, P, columns, compared
+from .controller_law import INTEGRAL, D, P, columns, compared
 from .controller_other import WEIGHTS, setpoint_inside, varying_gain, with_derivative
 from .controller_rows import LEAST_ROWS, Rows, lay_out
 from .controller_seen import (
@@ -201,6 +201,22 @@ def _other_weights(rows: Rows, known: Known, present: float, jumps: int) -> Know
     return None
 
 
+def _set_point_said(case: Case) -> Controller | None:
+    """Return what is said where the table's gains explain OP with another set point than the table and SP have it."""
+    rows, known = case.rows, case.known
+    if not np.any(np.diff(rows.sp)):
+        return None
+    squares = left_at(rows, known, known.gains, 1.0, NOWHERE)
+    for b, c in WEIGHTS:
+        other = replace(known, b=b, c=c)
+        better = left_at(rows, other, known.gains, 1.0, NOWHERE) < MUCH_BETTER * squares
+        share = explained(rows, other, known.gains, NOWHERE, 0.0) if better else 0.0
+        if share > WELL_EXPLAINED:
+            return _weights_said(replace(case, known=other), known, share)
+    inside = setpoint_inside(rows, known)
+    return None if inside is None else case.controller(BESIDE, None, NOWHERE, 1.0, inside.words)
+
+
 def _weights_said(case: Case, declared: Known, share: float) -> Controller:
     """Say that the set point acts otherwise than the table has it."""
     b, c = case.known.b, case.known.c
@@ -241,10 +257,10 @@ def _declared(
 def _searched(case: Case) -> Controller:
     """Return what is said where the table alone does not explain OP to rounding."""
     known = case.known
-    inside = setpoint_inside(case.rows, known)
-    if inside is not None:
-        return case.controller(BESIDE, None, NOWHERE, 1.0, inside.words)
     whole = case.rows
+    moved = _set_point_said(case)
+    if moved is not None:
+        return moved
     rows = trimmed(whole, known.law(whole), known.active, 4.0 * whole.quantum)
     case = replace(case, rows=rows)
     walk = walk_share(rows, known.law(rows), known.active, FREE)
@@ -319,7 +335,9 @@ def _contradicted(case: Case, found: Estimate, share: float) -> Controller:
     if seen is None:
         return case.controller(UNRESOLVED, found, NOWHERE, share)
     kp, ti, td = intervals(found)
-    cause = cause_of(case.loop, seen, (kp.ratio, ti.ratio, td.ratio))
+    # how a block integrates shifts kp by up to this share
+    own = 1.0 + abs(float(found.gains[INTEGRAL] / found.gains[P])) * case.rows.period
+    cause = cause_of(case.loop, seen, (kp.ratio * own, ti.ratio * own, td.ratio * own))
     return case.controller(CONTRADICTED, found, found.place, share, cause)
 
 

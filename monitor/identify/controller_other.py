@@ -10,7 +10,7 @@ import numpy as np
 from monitor.compiled import jit
 from monitor.contract.samples import Array
 
-from .controller_fit import EXACT_SHARE, Known
+from .controller_fit import Known, Place, explained
 from .controller_law import INTEGRAL, START, D, P, columns, compared, judged, products, solved, whitened
 from .controller_rows import Rows
 
@@ -18,6 +18,12 @@ WEIGHTS = ((1.0, 0.0), (0.0, 0.0), (1.0, 1.0))
 """Set-point weights b and c of the usual structures: PI-D, I-PD, PID."""
 GRID = 16
 """Rates, lags and widths that are tried first."""
+INSIDE_REST_SHARE, INSIDE_EXPLAINED = 0.1, 0.9
+"""Share (standard deviations) of what a set point that acts at once leaves of OP that one leaves which the block moves;
+share of OP's moves that it must explain."""
+AT_ONCE_LN = 5.0
+"""By how much shorter a move is that is over at once."""
+NOWHERE = Place(0.0, 0.0, 0.0)
 LEAST_PERIODS = 3.0
 """Sample periods of a set point's move inside the block that is looked for."""
 HALVINGS = 18
@@ -111,12 +117,19 @@ def setpoint_inside(rows: Rows, known: Known) -> Inside | None:
     told = (rows.time, rows.sp, rows.pv, rows.op, rows.use, rows.fresh)
     law, gains = known.law(rows), known.gains
     low, high = math.log(LEAST_PERIODS * rows.period), math.log(float(rows.time[-1] - rows.time[0]))
+    at_once = _rest_inside(told, law, gains, size, True, low - AT_ONCE_LN)[0]
+    found = []
     for ramp in (True, False):
         at = _search_inside(told, law, gains, size, ramp, low, high)
-        left, moved = _rest_inside(told, law, gains, size, ramp, at)
-        if left <= max(EXACT_SHARE * moved, 0.6 * rows.quantum):
-            return Inside(size / math.exp(at), 0.0) if ramp else Inside(0.0, math.exp(at))
-    return None
+        left = _rest_inside(told, law, gains, size, ramp, at)[0]
+        inside = Inside(size / math.exp(at), 0.0) if ramp else Inside(0.0, math.exp(at))
+        moved = replace(rows, sp=working_setpoint(rows.time, rows.sp, inside.rate, inside.lag))
+        if (
+            left < INSIDE_REST_SHARE * at_once
+            and explained(moved, known, gains, NOWHERE, 1.0) > INSIDE_EXPLAINED
+        ):
+            found.append((left, inside))
+    return min(found, key=lambda f: f[0])[1] if found else None
 
 
 @jit

@@ -19,6 +19,8 @@ WIDE_PERIODS = 1.5
 """Periods from one row to the next from which a sample is missing between them: the integral has a gap."""
 RESTS_ROWS = 3
 """Rows for which OP must stay at its extreme, to the last digit, to be at a limit."""
+FAR_OUT_SHARE = 0.05
+"""Share of its range by which OP may go beyond a limit of the table that it has."""
 SAME_STEP_SHARE = 0.9
 """Share of OP's moves that must be whole multiples of the least one for OP to be rounded."""
 LEAST_MOVES = 6
@@ -164,13 +166,15 @@ def _at_limit(op: Array, e: Array, loop: Loop, quantum: float, scan: int) -> NDA
     """Where OP lies at a limit of the table, or rests at an extreme of its own while the error moves."""
     out = np.zeros(len(op), bool)
     slack = 0.5 * quantum
-    if loop.op_low is not None:
+    low, high = float(np.min(op)), float(np.max(op))
+    # limits that OP leaves are in another unit
+    if loop.op_low is not None and low >= loop.op_low - FAR_OUT_SHARE * (high - low):
         out |= op <= loop.op_low + slack
-    if loop.op_high is not None:
+    if loop.op_high is not None and high <= loop.op_high + FAR_OUT_SHARE * (high - low):
         out |= op >= loop.op_high - slack
-    scale = float(np.ptp(op)) / max(float(np.ptp(e)), 1e-300)
-    least_move = max(4.0 * quantum, 1e-3 * float(np.ptp(op))) / max(scale, 1e-300)
-    for extreme in (np.min(op), np.max(op)):
+    scale = (high - low) / max(float(np.ptp(e)), 1e-300)
+    least_move = max(4.0 * quantum, 1e-3 * (high - low)) / max(scale, 1e-300)
+    for extreme in (low, high):
         rests = np.concatenate([[0], (op == extreme).astype(np.int8), [0]])
         edges = np.flatnonzero(np.diff(rests))
         for begin, end in zip(edges[::2], edges[1::2], strict=True):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from monitor.assess.reference import model_of, settings_of, with_hold_delay
 from monitor.contract.loops import Loop
+from monitor.contract.samples import Array
 from tuners.loops import coefficients, span
 from tuners.models import Model
 from tuners.settings import Settings
@@ -31,8 +32,12 @@ CROSSOVER_RATIO = 2.0
 """Of the gain crossover in today's: what is excited under today's settings reaches little further."""
 LOADS_GAIN_RATIO = 2.0
 """Of the gain in today's, after load steps alone."""
-ONCE_RATIO = 3.0
+EXCITED_RATIO = 4.0
+"""The same where a set-point step excited what lies further up: an error of the model there would have been seen."""
+ONCE_RATIO = 4.0
 """Of the gain in today's, at once, whatever is known."""
+SOFT_DISTANCE = 0.1
+"""Least abs(1 + L) that the mode which explains most may leave after a soft step."""
 SOFT_RATIO = 1.25
 """Of gain and crossover in today's, where the model's error forbids everything."""
 SAFER_SHARE = 0.9
@@ -44,7 +49,7 @@ OTHER_KIND, MISFIT, NOT_EXCITED, LOADS_ALONE, IN_PARTS = (
     "the model leaves more unexplained than noise does",
     "what was not excited is not known: the crossover is at most doubled at a time",
     "after load steps alone no more than twice the gain at a time, and no new derivative",
-    "no more than three times the gain at a time",
+    "no more than four times the gain at a time",
 )
 """Why settings are refused, in words."""
 
@@ -80,19 +85,36 @@ class Guards:
         checks = (
             (OTHER_KIND, self._on_rivals(many)),
             (MISFIT, self._by_misfit(many)),
-            (NOT_EXCITED, self._beyond_excited(many, CROSSOVER_RATIO)),
+            (NOT_EXCITED, self._not_excited(many)),
             (LOADS_ALONE, self._after_loads(many)),
             (IN_PARTS, self._at_once(many, ONCE_RATIO)),
         )
         return [next((why for why, where in checks if where[k]), "") for k in range(len(many))]
 
     def soft(self, many: list[Settings]) -> list[bool]:
-        """Return which of the settings are a small step from today's that nothing but the model's error forbids."""
-        if self.today is None or not many or not self.evidence.soft_step:
+        """Return which of the settings are a small step from today's that nothing but the model's error forbids.
+
+        That error is judged by the mode that explains most of it: a misfit of any shape lights up some narrow mode too.
+        """
+        misfit = self.evidence.misfit
+        if self.today is None or misfit is None or not many or not self.evidence.soft_step:
             return [False] * len(many)
         new_lead = [float(s.td) > float(self.today.td) for s in many]
-        wrong = self._on_rivals(many) | self._after_loads(many) | self._at_once(many, SOFT_RATIO) | new_lead
-        return [bool(ok) for ok in ~(wrong | self._beyond_excited(many, SOFT_RATIO))]
+        wrong = self._on_rivals(many) | self._after_loads(many) | self._at_once(many, SOFT_RATIO)
+        wrong |= np.array(new_lead) | self._beyond(many, SOFT_RATIO)
+        if len(misfit.omega):
+            top = slice(k := int(np.argmax(misfit.chi)), k + 1)
+            room = self._room(many, misfit.omega[top], misfit.bound[top])
+            wrong |= room[0, : len(many)] < SOFT_DISTANCE
+        return [bool(ok) for ok in ~wrong]
+
+    def endangered(self, many: list[Settings]) -> Flags:
+        """Where the error of the model may bring the loop too close to instability, wherever it is today."""
+        misfit = self.evidence.misfit
+        if misfit is None or not len(misfit.omega):
+            return np.zeros(len(many), dtype=bool)
+        room = self._room(many, misfit.omega, misfit.bound)[:, : len(many)]
+        return np.asarray(np.any(room < LEAST_DISTANCE, axis=0))
 
     def no_new_lead(self, aim: Settings) -> bool:
         """Whether load steps alone do not allow the derivative of an aim."""
@@ -109,26 +131,35 @@ class Guards:
             wrong |= ~(peaks[: len(many)] <= allowed) | np.isinf(peaks[: len(many)])
         return wrong
 
+    def _room(self, many: list[Settings], omega: Array, bound: Array) -> Array:
+        """Return ``|1 + L| - |C| U`` for each mode (k, T), of the settings and, last, of today's where known."""
+        c = stacked([*many, *self._today()]).frequency_response(omega[:, None])
+        loop = np.abs(1.0 + c * self.model.frequency_response(omega[:, None]))
+        return np.asarray(loop - np.abs(c) * bound[:, None])
+
     def _by_misfit(self, many: list[Settings]) -> Flags:
         """Where the error of the model may bring the loop too close to instability, and closer than it is today.
 
         ``max 1/(|1 + L| - |C| U) <= 3`` over the modes seen, U the bound of the error.
         """
+        wrong = self.endangered(many)
         misfit = self.evidence.misfit
-        if misfit is None or not len(misfit.omega):
-            return np.zeros(len(many), dtype=bool)
-        omega = misfit.omega[:, None]
-        c = stacked([*many, *self._today()]).frequency_response(omega)
-        size = np.abs(c) * misfit.bound[:, None]
-        room = np.abs(1.0 + c * self.model.frequency_response(omega)) - size - LEAST_DISTANCE
-        short = room[:, : len(many)] < 0.0
-        if self.today is not None:
-            gentler = (size[:, : len(many)] <= size[:, -1:]) & (room[:, : len(many)] >= room[:, -1:])
-            short &= ~gentler
-        return np.asarray(np.any(short, axis=0))
+        if self.today is not None and misfit is not None and np.any(wrong):
+            least = np.min(self._room(many, misfit.omega, misfit.bound), axis=0)
+            safer = (least[:-1] > least[-1]) & ~self._beyond(many, 1.0) & ~self._at_once(many, 1.0)
+            wrong &= ~safer
+        return wrong
 
-    def _beyond_excited(self, many: list[Settings], ratio: float) -> Flags:
-        """Where the gain crossover lies further above today's."""
+    def _not_excited(self, many: list[Settings]) -> Flags:
+        """Where the crossover goes further up than the events have shown the process."""
+        far, misfit = self._beyond(many, CROSSOVER_RATIO), self.evidence.misfit
+        if self.evidence.loads_only or misfit is None or not len(misfit.open_omega) or not np.any(far):
+            return far
+        room = self._room(many, misfit.open_omega, misfit.open_bound)[:, : len(many)]
+        return far & (self._beyond(many, EXCITED_RATIO) | np.any(room < LEAST_DISTANCE, axis=0))
+
+    def _beyond(self, many: list[Settings], ratio: float) -> Flags:
+        """Where the gain crossover lies so many times above today's."""
         if self.today is None:
             return np.zeros(len(many), dtype=bool)
         *found, today = crossovers(self.model, [*many, self.today])

@@ -20,6 +20,8 @@ LEAST_STEP_RATIO = 1.05
 """Of gain or a time in today's, below which a step is none."""
 UNKNOWN_START_RATIO = 4.0
 """Where today's settings are not known, the way comes from settings so many times gentler than the aim."""
+RETREAT_RATIOS = (1.25, 1.6, 2.0, 2.5, 3.2)
+"""Times gentler than an aim that takes gain away, where the model's error asks for more than that."""
 MOST_MS = 2.6
 """Ms on the model found of a first part that is not within the limit yet, but safer than today's settings."""
 MS_ON_THE_WAY = "Ms on the way would be too high"
@@ -56,7 +58,10 @@ def way(limits: Limits, guards: Guards, aim: Settings, peaks: tuple[float, float
     peaks
         Ms of the aim on the model found and on the worst one.
     """
-    start = guards.today if guards.today is not None else _gentler(aim)
+    start = guards.today if guards.today is not None else gentler(aim, UNKNOWN_START_RATIO)
+    further = _retreat(limits, guards, aim)
+    if further is not None:
+        aim, peaks = further
     end, reasons = aim, []
     if guards.no_new_lead(aim):
         end, reasons = replace(aim, td=0.0, tf=0.0), [LOADS_ALONE]
@@ -133,11 +138,27 @@ def is_a_step(one: Settings, other: Settings) -> bool:
     return False
 
 
-def _gentler(aim: Settings) -> Settings:
-    """Return settings that are far gentler than the aim."""
-    ti = float(aim.ti)
-    return replace(
-        aim,
-        kp=rounded(float(aim.kp) / UNKNOWN_START_RATIO),
-        ti=rounded(ti * UNKNOWN_START_RATIO) if math.isfinite(ti) else ti,
-    )
+def _retreat(limits: Limits, guards: Guards, aim: Settings) -> tuple[Settings, tuple[float, float]] | None:
+    """Return settings gentler than an aim that takes less gain away than the model's error asks for; else None."""
+    today = guards.today
+    if today is None or not abs(float(aim.kp)) < abs(float(today.kp)) or not guards.endangered([aim])[0]:
+        return None
+    many = [gentler(aim, ratio) for ratio in RETREAT_RATIOS]
+    for settings, wrong in zip(many, guards.endangered(many), strict=True):
+        peaks = None if wrong else limits.worst(settings)
+        if peaks is not None and limits.kept_by(settings, peaks):
+            return settings, peaks
+    return None
+
+
+def gentler(settings: Settings, ratio: float) -> Settings:
+    """Return settings of so many times less gain, and as many times longer an integral time.
+
+    Examples
+    --------
+    >>> slower = gentler(Settings(kp=3.0, ti=20.0), 2.0)
+    >>> slower.kp, slower.ti
+    (1.5, 40.0)
+    """
+    ti = rounded(float(settings.ti) * ratio)
+    return replace(settings, kp=rounded(float(settings.kp) / ratio), ti=ti)

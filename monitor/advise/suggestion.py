@@ -156,7 +156,7 @@ def renewed(
     (after,), before = predict(model, [found.now], settings_of(loop))
     tc = closed_loop_time(loop, reduced(model, structure), period)
     ci = None if advice.ci is None else references_of(loop, fit, structure, tc).index(after)
-    return _advice(limits, found, (advice.rule, advice.aim, advice.closed_loop_time), ci, before, after)
+    return _advice(limits, found, (advice.rule, advice.closed_loop_time), ci, before, after)
 
 
 def _best(
@@ -189,17 +189,17 @@ def _best(
         if isinstance(walked, str):
             return Withheld(walked)
         after = each[k] if walked.now == aim else predict(model, [walked.now], None)[0][0]
-        aimed = rule, aim, float(found.times[found.at[row]])
+        aimed = rule, float(found.times[found.at[row]])
         return _advice(limits, walked, aimed, references.index(after), before, after)
     return Withheld(found.failing)
 
 
 def _advice(
-    limits: Limits, walked: Way, aimed: tuple[str, Settings, float], ci: float | None,
+    limits: Limits, walked: Way, aimed: tuple[str, float], ci: float | None,
     before: Predicted | None, after: Predicted,
 ) -> Advice:  # fmt: skip
-    """Put a suggestion together; ``aimed`` are the rule, the aim and its closed-loop time."""
-    (rule, aim, tc), now = aimed, walked.now
+    """Put a suggestion together; ``aimed`` are the aim's rule and its closed-loop time."""
+    (rule, tc), now, aim = aimed, walked.now, walked.stages[-1]
     noise = float(op_noise(now, limits.noise, limits.period))
     return Advice(
         rule,
@@ -245,4 +245,4 @@ def _averaging(limits: Limits, guards: Guards, fit: Fit) -> Advice | Withheld:
     if isinstance(walked, str):
         return Withheld(walked)
     (after,), before = predict(model, [walked.now], today)
-    return _advice(limits, walked, ("averaging", new, 1.0 / (kp * fit.gain)), None, before, after)
+    return _advice(limits, walked, ("averaging", 1.0 / (kp * fit.gain)), None, before, after)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monitor.compiled import jit
 from monitor.contract.samples import Array
@@ -36,6 +37,12 @@ NYQUIST_SHARE = 0.6
 """Of the fastest mode in the grid's Nyquist frequency."""
 DAMPINGS = np.array([0.02, 0.05, 0.12, 0.3, 0.6])
 """From a resonance to a lag."""
+OPEN_DAMPING = 0.12
+"""Least damping of a mode that is not seen but might be there."""
+OPEN_SD = 2.0
+"""Standard deviations of an error that would not have been seen."""
+CLOSE_STEPS, CLOSE_COUNT, CLOSE_DAMPINGS = 0.8, 9, np.array([0.01, 0.02, 0.05, 0.12])
+"""Steps of the grid to either side of the mode that explains most, frequencies there, and dampings."""
 SEEN_CHI = 25.0
 """Power that a mode explains, in variances of the noise, from which it is no chance: 180 modes are tried."""
 ALIKE_SHARE = 1e-6
@@ -54,6 +61,10 @@ class ModelError:
     """(k,) Size of the error there, one standard deviation added [PV/OP]."""
     chi: Array
     """(k,) Power that the mode explains, in variances of the noise."""
+    open_omega: Array
+    """(m,) Modes of which none is seen [rad/s]."""
+    open_bound: Array
+    """(m,) Size of an error there that would not have been seen: two standard deviations [PV/OP]."""
 
     @property
     def size(self) -> float:
@@ -61,7 +72,7 @@ class ModelError:
         return float(np.max(self.bound * self.omega, initial=0.0))
 
 
-NOTHING_SEEN = ModelError(np.zeros(0), np.zeros(0), np.zeros(0))
+NOTHING_SEEN = ModelError(*np.zeros((5, 0)))
 
 
 def model_error(window: EventWindow, fit: Fit, noise: float) -> ModelError:
@@ -70,7 +81,7 @@ def model_error(window: EventWindow, fit: Fit, noise: float) -> ModelError:
     For each mode of frequency w and damping zeta (derived): ``z1 = w^2/(s^2 + 2 zeta w s + w^2) u``,
     ``z2 = w s/(...) u``, exact for held OP, and ``a = (Z'Z)^-1 Z'r`` of the residuals r, all projected. It is seen
     where ``chi = a'(Z'Z)a/var > 25``, and the process may differ from its model by ``|a|/(2 zeta)`` and one
-    standard deviation of that at w.
+    standard deviation of that at w. About the mode that explains most, frequencies and dampings are closer.
 
     Parameters
     ----------
@@ -84,12 +95,47 @@ def model_error(window: EventWindow, fit: Fit, noise: float) -> ModelError:
     cells = _cells(window, fit)
     if cells is None:
         return NOTHING_SEEN
-    n, p = cells.basis.shape
+    n = len(cells.basis)
     fastest = NYQUIST_SHARE * math.pi / cells.step
     slowest = 2.0 * math.pi * LEAST_CYCLES / (n * cells.step)
-    omega = np.repeat(np.geomspace(slowest, fastest, FREQUENCY_COUNT), len(DAMPINGS))
-    damping = np.tile(DAMPINGS, FREQUENCY_COUNT)
-    modes = _modes(cells.op, cells.step, omega, damping, cells.shift)
+    grid = np.geomspace(slowest, fastest, FREQUENCY_COUNT)
+    least = noise * noise / cells.each + LEAST_POWER_SHARE * cells.power
+    found = _regressed(cells, grid, DAMPINGS, least)
+    seen = found.alone & (found.chi > SEEN_CHI)
+    unseen = found.alone & ~seen & (found.damping >= OPEN_DAMPING)
+    parts = [found.take(seen)]
+    if np.any(seen):
+        top = int(np.argmax(np.where(seen, found.chi, 0.0)))
+        if found.damping[top] < DAMPINGS[-2]:
+            step = math.log(grid[1] / grid[0])
+            close = found.omega[top] * np.exp(step * np.linspace(-CLOSE_STEPS, CLOSE_STEPS, CLOSE_COUNT))
+            closer = _regressed(cells, close, CLOSE_DAMPINGS, least)
+            parts.append(closer.take(closer.alone & (closer.chi > SEEN_CHI)))
+    omega, bound, chi = (np.concatenate([getattr(p, n) for p in parts]) for n in ("omega", "bound", "chi"))
+    return ModelError(omega, bound, chi, found.omega[unseen], OPEN_SD * found.sd[unseen])
+
+
+class _Modes(NamedTuple):
+    """What each of some modes explains."""
+
+    omega: Array
+    damping: Array
+    bound: Array
+    sd: Array
+    chi: Array
+    alone: NDArray[np.bool_]
+    """Whether it differs from what the parameters explain."""
+
+    def take(self, where: NDArray[np.bool_]) -> _Modes:
+        """Return some of them."""
+        return _Modes(*(x[where] for x in self))
+
+
+def _regressed(cells: _Cells, frequencies: Array, dampings: Array, least: float) -> _Modes:
+    """Regress the residuals on each mode of these frequencies and dampings; ``least`` is the noise's variance."""
+    n, p = cells.basis.shape
+    omega, damping = np.repeat(frequencies, len(dampings)), np.tile(dampings, len(frequencies))
+    modes = _responses(cells.op, cells.step, omega, damping, cells.shift)
     one, two, b = modes[0::2], modes[1::2], modes @ cells.residual
     taken = modes @ cells.basis
     power = np.einsum("ij,ij->i", modes, modes)
@@ -100,14 +146,14 @@ def model_error(window: EventWindow, fit: Fit, noise: float) -> ModelError:
         det = g11 * g22 - g12 * g12
         a1, a2 = (g22 * b[0::2] - g12 * b[1::2]) / det, (g11 * b[1::2] - g12 * b[0::2]) / det
         explained = a1 * b[0::2] + a2 * b[1::2]
-        least = noise * noise / cells.each + LEAST_POWER_SHARE * cells.power
         rest = float(cells.residual @ cells.residual) - explained
         var = np.maximum(rest / (n - p - 2), least)
-        chi = explained / var
-        bound = (np.hypot(a1, a2) + np.sqrt(var * (g11 + g22) / det / 2.0)) / (2.0 * damping)
-    alone = np.minimum(g11 / power[0::2], g22 / power[1::2]) > ALIKE_SHARE
-    seen = alone & (det > ALIKE_SHARE * g11 * g22) & (chi > SEEN_CHI) & np.isfinite(bound)
-    return ModelError(omega[seen], bound[seen], chi[seen])
+        sd = np.sqrt(var * (g11 + g22) / det / 2.0) / (2.0 * damping)
+        bound = np.hypot(a1, a2) / (2.0 * damping) + sd
+        alone = (np.minimum(g11 / power[0::2], g22 / power[1::2]) > ALIKE_SHARE) & (
+            det > ALIKE_SHARE * g11 * g22
+        )
+        return _Modes(omega, damping, bound, sd, explained / var, alone & np.isfinite(bound))
 
 
 class _Cells(NamedTuple):
@@ -170,7 +216,7 @@ def _orthonormal(columns: Array) -> Array:
 
 
 @jit
-def _modes(u, step, omega, damping, shift):
+def _responses(u, step, omega, damping, shift):
     """Response of each mode, and its slope over its frequency, to held input, ``shift`` of a step after each point.
 
     (2 k, n), the two of a mode one after the other; exact at the points, between them on a line.

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from monitor.advise.evidence import NO_DOUBT, Evidence
 from monitor.advise.guards import (
     CROSSOVER_RATIO,
+    EXCITED_RATIO,
     LOADS_ALONE,
     MISFIT,
     NOT_EXCITED,
@@ -33,7 +34,8 @@ def guards(evidence: Evidence = NO_DOUBT, **facts: object) -> Guards:
 
 
 def error(omega: float, bound: float) -> ModelError:
-    return ModelError(np.array([omega]), np.array([bound]), np.array([100.0]))
+    """One mode that is seen, and nothing known of others."""
+    return ModelError(np.array([omega]), np.array([bound]), np.array([100.0]), np.zeros(0), np.zeros(0))
 
 
 @settings(max_examples=40)
@@ -94,10 +96,27 @@ def test_an_error_of_the_model_bounds_the_gain():
 def test_what_is_gentler_than_today_is_allowed_whatever_the_error():
     held = guards(Evidence(misfit=error(0.1, 5.0)))
     assert held.refused([Settings(0.5, 250.0), Settings(0.7, 200.0)]) == ["", MISFIT]
+    assert list(held.endangered([Settings(0.5, 250.0), Settings(0.05, 250.0)])) == [True, False]
+
+
+def test_where_a_step_excited_more_may_be_reached():
+    """Up to four times the crossover, where an error of the model would have been seen; not after loads alone."""
+    aim = Settings(0.6 * CROSSOVER_RATIO * 1.3, 200.0)
+    for bound, loads_only, why in ((0.01, False, ""), (5.0, False, NOT_EXCITED), (0.01, True, NOT_EXCITED)):
+        shown = ModelError(*np.zeros((3, 0)), np.array([0.1, 0.3]), np.array([bound, bound]))
+        assert guards(Evidence(misfit=shown, loads_only=loads_only)).refused([aim]) == [why]
+    nothing = ModelError(*np.zeros((3, 0)), np.array([0.1]), np.array([0.01]))
+    far = Settings(0.6 * EXCITED_RATIO * 1.1, 200.0)
+    assert guards(Evidence(misfit=nothing)).refused([far]) == [NOT_EXCITED]
+
+
+def test_the_mode_that_explains_most_decides_about_a_soft_step():
+    wild = error(0.1, 50.0)
+    assert guards(Evidence(misfit=wild)).soft([Settings(0.6 * 1.2, 200.0)]) == [False]
 
 
 def test_a_soft_step_is_small():
-    misfit = error(0.1, 5.0)
+    misfit = error(0.1, 1.0)
     small, large = Settings(0.6 * 1.2, 200.0), Settings(0.6 * 1.3, 200.0)
     lead = Settings(0.6, 200.0, 1.0, 0.1)
     assert guards(Evidence(misfit=misfit)).soft([small, large, lead]) == [True, False, False]

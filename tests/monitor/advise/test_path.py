@@ -25,7 +25,8 @@ from tuners.settings import Settings
 
 
 def error(omega: float, bound: float) -> ModelError:
-    return ModelError(np.array([omega]), np.array([bound]), np.array([100.0]))
+    """One mode that is seen, and nothing known of others."""
+    return ModelError(np.array([omega]), np.array([bound]), np.array([100.0]), np.zeros(0), np.zeros(0))
 
 
 FAR = {"kp": 0.2, "ti": 400.0}
@@ -71,7 +72,7 @@ def test_a_loop_that_is_near_instability_is_slowed_down_at_once():
 
 
 def test_a_soft_step_is_what_an_error_leaves():
-    wild = error(0.05, 30.0)
+    wild = error(0.05, 3.5)
     advice = given_advice(sluggish(**FAR), evidence=Evidence(misfit=wild))
     assert 1.05 < float(advice.settings.kp) / 0.2 <= 1.25
     assert advice.limited_by == MISFIT
@@ -100,6 +101,18 @@ def test_without_settings_the_aim_or_something_gentler():
     assert held.aim == free.aim
     assert float(held.settings.kp) < 0.95 * float(free.aim.kp)
     assert isinstance(asked(loop, evidence=Evidence(misfit=error(0.05, 30.0))), Withheld)
+
+
+def test_taking_gain_away_goes_as_far_as_the_error_asks():
+    """The search's aim is gentler than today, but the error of the model asks for more than that."""
+    loop, misfit = sluggish(kp=5.5, ti=30.0), error(0.5, 0.6)
+    aim = given_advice(loop).aim
+    advice = given_advice(loop, evidence=Evidence(misfit=misfit))
+    assert float(advice.settings.kp) < 0.85 * float(aim.kp)
+    assert advice.settings == advice.aim
+    model = uncertain_models(make_fit(), PERIOD)
+    c = advice.settings.frequency_response(0.5)
+    assert abs(1 + c * nominal(model).frequency_response(0.5)[0]) - abs(c) * 0.6 >= 1 / 3
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
 from monitor.identify.direct import fit_window
-from monitor.identify.misfit import ModelError, _modes, model_error
+from monitor.identify.misfit import ModelError, _responses, model_error
 
 GAIN, DEAD_TIME, LAG, FREQUENCY, DAMPING = 0.05, 6, 5.0, 0.6, 0.05
 
@@ -60,10 +60,10 @@ def seen(window: EventWindow, noise: float) -> ModelError:
 
 @settings(max_examples=10)
 @given(w=st.floats(0.05, 2.0), zeta=st.floats(0.02, 0.6), seed=st.integers(0, 99))
-def test_modes_are_those_of_the_differential_equation(w, zeta, seed):
+def test_responses_are_those_of_the_differential_equation(w, zeta, seed):
     u = np.random.default_rng(seed).normal(size=12)
     naive = second_order(u, 0.7, w, zeta)
-    fast = _modes(u, 0.7, np.array([w]), np.array([zeta]), 0.0)
+    fast = _responses(u, 0.7, np.array([w]), np.array([zeta]), 0.0)
     np.testing.assert_allclose(fast, naive, atol=5e-3 * float(np.abs(naive).max()))
 
 

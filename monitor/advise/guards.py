@@ -142,12 +142,12 @@ class Guards:
 
         ``max 1/(|1 + L| - |C| U) <= 3`` over the modes seen, U the bound of the error.
         """
-        wrong = self.endangered(many)
+        wrong: Flags = self.endangered(many)
         misfit = self.evidence.misfit
         if self.today is not None and misfit is not None and np.any(wrong):
             least = np.min(self._room(many, misfit.omega, misfit.bound), axis=0)
             safer = (least[:-1] > least[-1]) & ~self._beyond(many, 1.0) & ~self._at_once(many, 1.0)
-            wrong &= ~safer
+            wrong = np.asarray(wrong & ~safer)
         return wrong
 
     def _not_excited(self, many: list[Settings]) -> Flags:

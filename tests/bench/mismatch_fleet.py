@@ -346,6 +346,7 @@ def wrong(rng: Rng, drawn: Drawn, deviation: float) -> Loop:
     """Return the table as the kind makes it wrong."""
     kp, ti, off = drawn.law.kp, drawn.law.ti, log(rng, 3.0, 10.0)
     span = max(100 * log(rng, 2.0, 20.0) ** rng.choice([-1, 1]), 2 * deviation)
+    span = 250.0 if 67 < span < 150 else span  # else nobody could tell
     ranges = {
         "pv_low": drawn.pv0 - span / 2,
         "pv_high": drawn.pv0 + span / 2,

@@ -158,7 +158,18 @@ def event(drawn: Drawn, rig: Rig, stage: int) -> tuple[Floats, Floats, Floats]:
     each = 1 if drawn.kind.recording == "unsynchronised" else min(drawn.every, rig.scan)
     noise = drawn.noise * np.repeat(rng.standard_normal(last // each + 1), each)[:last]
     pv, op = rig.run(heard[:last], load[:last], noise + moved[:last], added[:last])
+    if onset + over >= last - drawn.every:
+        _come_to_rest(drawn, rig, (heard[-1], load[-1], moved[-1], added[-1]), 0.01 * float(error.max()))
     return sp[:last], pv, op
+
+
+def _come_to_rest(drawn: Drawn, rig: Rig, at: tuple[float, float, float, float], small: float) -> None:
+    """Let a loop whose record was cut off live on unrecorded: nobody retunes it, or makes a step, while it moves."""
+    for _ in range(20):
+        sp, load, moved, added = (np.full(500 * drawn.every, x) for x in at)
+        pv, _ = rig.run(sp, load, moved, added)
+        if np.abs(sp - pv).max() < small:
+            return
 
 
 def record(drawn: Drawn, columns: tuple[Floats, Floats, Floats], first: int, stage: int) -> Samples:

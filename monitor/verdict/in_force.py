@@ -103,6 +103,8 @@ class InForce:
             Of the samples [s].
         """
         found = see_controller(window, period, self.table if self._loop is None else _bare(self.table))
+        if found is not None and found.said == CONTRADICTED and self._confirmed:
+            found = see_controller(window, period, _bare(self.table))  # other settings have to be seen by themselves
         if found is None or found.said == UNRESOLVED:
             return False
         event = window.before < len(window)

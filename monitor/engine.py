@@ -42,7 +42,9 @@ class Engine:
         self.loops = loops
         self.detector = Detector(list(loops))
         self._histories: dict[int, LoopHistory] = {}
-        self._pending: list[ClosedEvent | Stretch] = []
+        self._pending: list[ClosedEvent] = []
+        self._stretches: dict[int, list[Stretch]] = {}
+        """By row: to be looked at before the row's next event, or when nothing else waits."""
         self._retired: Counter[str] = Counter()
         """What became of the samples of loops that are watched no more."""
         self.disturbances = 0
@@ -99,7 +101,8 @@ class Engine:
         records = self._take(self.detector.flush([row], cause))
         own = [event for event in self._pending if event.row == row]
         self._pending = [event for event in self._pending if event.row != row]
-        return records + [record for waiting in own for record in self._look_at(waiting)]
+        records += [record for event in own for record in self._assess(event)]
+        return records + self._look_at_stretches(row)
 
     # -- samples in, records out ------------------------------------------------------------------
 
@@ -111,21 +114,22 @@ class Engine:
         """Take in samples; return openings and closings. Assessments wait for `assess`."""
         records = self._take(self.detector.run(samples))
         for stretch in self.detector.take_stretches():
-            # a loop's own order is that of time, however its samples were batched
-            later = (k for k, w in enumerate(self._pending) if w.row == stretch.row and w.end >= stretch.end)
-            self._pending.insert(next(later, len(self._pending)), stretch)
+            self._stretches.setdefault(stretch.row, []).append(stretch)
         return records
 
     def assess(self, most: int | None = None) -> list[Record]:
-        """Assess waiting events, and look at the controller in stretches, oldest first, at most ``most`` of them."""
-        n = len(self._pending) if most is None else min(most, len(self._pending))
+        """Assess waiting events, oldest first, then look at the controllers in stretches; at most ``most`` of both."""
+        n = self.backlog if most is None else min(most, self.backlog)
         now, self._pending = self._pending[:n], self._pending[n:]
-        return [record for waiting in now for record in self._look_at(waiting)]
+        records = [record for event in now for record in self._assess(event)]
+        for row in list(self._stretches)[: n - len(now)]:
+            records += self._look_at_stretches(row)
+        return records
 
     @property
     def backlog(self) -> int:
-        """Events and stretches that wait for `assess`."""
-        return len(self._pending)
+        """Events, and loops with stretches, that wait for `assess`."""
+        return len(self._pending) + len(self._stretches)
 
     def close(self) -> list[Record]:
         """Close what is open, because the data end here; assessments wait for `assess`."""
@@ -157,22 +161,28 @@ class Engine:
                 self._pending.append(closed)
         return records
 
-    def _look_at(self, waiting: ClosedEvent | Stretch) -> list[Record]:
-        """See the controller in what waits; assess it where it is an event."""
-        window, history = waiting.window, self._history(waiting.row)
-        event = waiting if isinstance(waiting, ClosedEvent) else None
-        first = (
-            waiting.onset + round(window.time[0] * 1e9) if isinstance(waiting, ClosedEvent) else waiting.start
-        )
-        if event is None or not (event.thinned and history.in_force.seen_since(event.onset)):
-            history.look(window, first, waiting.end, waiting.period)
-        records = [] if event is None else self._assess(event, history)
-        return records + history.take_plan()
-
     def _history(self, row: int) -> LoopHistory:
         return self._histories.setdefault(row, LoopHistory(InForce(self.loops[row])))
 
-    def _assess(self, event: ClosedEvent, history: LoopHistory) -> list[Record]:
+    def _look_at_stretches(self, row: int, until: int | None = None) -> list[Record]:
+        """See the controller in a loop's waiting stretches that end by ``until`` [ns], all by default."""
+        waiting, history = self._stretches.pop(row, []), self._history(row)
+        for k, stretch in enumerate(waiting):
+            if until is not None and stretch.end > until:
+                self._stretches[row] = waiting[k:]
+                break
+            history.look(stretch.window, stretch.start, stretch.end, stretch.period)
+        return [*history.take_plan()]
+
+    def _assess(self, event: ClosedEvent) -> list[Record]:
+        """See the controller in an event, and judge both; a loop's order is that of time, however it was batched."""
+        records, history = self._look_at_stretches(event.row, event.end), self._history(event.row)
+        if not (event.thinned and history.in_force.seen_since(event.onset)):
+            first = event.onset + round(event.window.time[0] * 1e9)
+            history.look(event.window, first, event.end, event.period)
+        return records + self._judged(event, history) + history.take_plan()
+
+    def _judged(self, event: ClosedEvent, history: LoopHistory) -> list[Record]:
         row, in_force = event.row, history.in_force
         controller = in_force.extra_delay, in_force.contradiction
         finding = assess_event(in_force.loop, event, *controller, thorough=history.under_way)

@@ -14,9 +14,9 @@ SNAPSHOT_SAMPLES = 64
 a slow response has not yet widened."""
 LEAST_BEFORE_SAMPLES = 8
 """Samples of the window from before the onset, even where the loop was not at rest."""
-STRETCH_SAMPLES, FIRST_STRETCH_SAMPLES = 8192, 512
-"""Samples from one stretch that is handed out, for the controller to be seen in it, to the next; a loop that is new has
-one after some samples, and then whenever they have doubled."""
+STRETCH_SAMPLES, ALL_STRETCHES_SAMPLES = 8192, 1024
+"""Samples from one stretch that is handed out, for the controller to be seen in it, to the next; of a loop that is new
+every one is, up to so many samples, and then one whenever they have doubled."""
 WINDOW_POINTS = 1024
 """Points of an event's window; when full, every second one is dropped."""
 OPENING_SAMPLES = 96

@@ -13,7 +13,7 @@ from monitor.compiled import jit
 from . import act
 from .accept import accepted, follow_rate, keep_last, remember
 from .baseline import await_baseline
-from .constants import FIRST_STRETCH_SAMPLES, OPENING_SAMPLES, RING_SAMPLES, SLOTS_OF_SAMPLE, STRETCH_SAMPLES
+from .constants import ALL_STRETCHES_SAMPLES, OPENING_SAMPLES, RING_SAMPLES, SLOTS_OF_SAMPLE, STRETCH_SAMPLES
 from .phases import advance, cut_or_drop, end_event
 from .state import CANDIDATE, EVENT, STRETCH
 from .window import append, begin, begin_load, close, confirm, drop
@@ -51,15 +51,8 @@ def run(stores, batch, at):
         if m & (RING_SAMPLES - 1) == 0 or (m < RING_SAMPLES and m >= 8 and m & (m - 1) == 0):
             # at 8, 16, 32, 64, then once a turn: a gateway that changes its rate is followed
             follow_rate(s, p, stores.ring_time, i)
-            if m & (RING_SAMPLES - 1) == 0 and s.counts.ok >= max(s.next_stretch, FIRST_STRETCH_SAMPLES):
-                s.next_stretch = s.counts.ok + min(s.counts.ok, STRETCH_SAMPLES)
-                n = hand_out_stretch(s, stores, n, i, 0)
-        if (
-            s.window.slot >= 0
-            and s.counts.ok - s.event.ok_before == OPENING_SAMPLES - 1
-            and m >= RING_SAMPLES
-        ):
-            n = hand_out_stretch(s, stores, n, i, OPENING_SAMPLES)
+        if m & (RING_SAMPLES - 1) == 0 or s.window.slot >= 0:
+            n = hand_out_stretches(s, stores, n, i)
     return len(batch.time), n
 
 
@@ -78,6 +71,20 @@ def apply_actions(todo, s, stores, n, i, time, sp, pv, op):
         if todo & act.BEGIN_LOAD:
             begin_load(s, stores, i, time, pv)
         append(s, stores.slab, time, sp, pv, op)
+    return n
+
+
+@jit
+def hand_out_stretches(s, stores, n, i):
+    """Hand out the ring where it has just been filled once more, or where an event has just opened in it."""
+    ok = s.counts.ok
+    if s.ring_n & (RING_SAMPLES - 1) == 0 and ok >= s.next_stretch:
+        if ok > ALL_STRETCHES_SAMPLES:
+            s.next_stretch = ok + min(ok, STRETCH_SAMPLES)
+        n = hand_out_stretch(s, stores, n, i, 0)
+    opened = s.window.slot >= 0 and ok - s.event.ok_before == OPENING_SAMPLES - 1
+    if opened and s.ring_n >= RING_SAMPLES:
+        n = hand_out_stretch(s, stores, n, i, OPENING_SAMPLES)
     return n
 
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 import msgspec
+import numpy as np
 
 from monitor.contract.loops import Loop
 from monitor.contract.times import in_words
@@ -29,6 +30,12 @@ MOST_WINDOWS = 8
 """Windows that are kept of what the data show of a controller."""
 SHOWS_DELAY_SHARE = 0.99
 """Share of OP's movement that must be explained for a window to show that there is no filter and no delay."""
+JOINED_STRETCHES = 4
+"""Stretches in a row that are looked at together where none of them shows the controller."""
+SOON_PERIODS = 1024.0
+"""Sample periods after samples that show the table's settings within which quiet ones are not looked at again."""
+UNKNOWN_WIDTH = 100.0
+"""Of an interval without an end, as a share of its value."""
 TOLD_SHARE = 0.01
 """Relative difference of a setting from which it is told."""
 
@@ -57,6 +64,8 @@ class InForce:
     """The loop's row of its table."""
     seen: Controller | None = None
     """The controller of today as the data show it, the last windows together."""
+    guess: Controller | None = None
+    """The best of what windows show that do not resolve the controller: for the eye, nothing rests on it."""
     contradiction: str = ""
     """In what the data contradict the table, or any linear controller, in words; empty where they do not."""
     extra_delay: float = 0.0
@@ -73,6 +82,8 @@ class InForce:
     """An event's window is among them; before, only quiet stretches."""
     _until: int = 0
     """End of the last samples that show the settings of today [ns since 1970]."""
+    _pieces: list[tuple[EventWindow, int, int]] = field(default_factory=list)
+    """Stretches in a row, with their ends [ns since 1970], none of which shows the controller by itself."""
     _doubt: tuple[Controller, int] | None = None
     """What the last window showed, and its start [ns since 1970], where it was a quiet stretch that says otherwise."""
 
@@ -102,12 +113,16 @@ class InForce:
         period
             Of the samples [s].
         """
-        found = see_controller(window, period, self.table if self._loop is None else _bare(self.table))
-        if found is not None and found.said == CONTRADICTED and self._confirmed:
-            found = see_controller(window, period, _bare(self.table))  # other settings have to be seen by themselves
-        if found is None or found.said == UNRESOLVED:
-            return False
         event = window.before < len(window)
+        if not event and self._confirmed and start - self._until < SOON_PERIODS * period * 1e9:
+            return False
+        found = self._see(window, period)
+        joined = None if event or found is not None else self._joined(window, start, end, period)
+        if joined is not None:
+            window, start = joined
+            found = self._see(window, period)
+        if found is None:
+            return False
         if self._confirms(found):
             self._doubt = None
         elif not event and (self._doubt is None or differ(self._doubt[0], found)):
@@ -130,6 +145,35 @@ class InForce:
             changed, self.contradiction = False, ""
         self._until = max(end, self._until)
         return changed
+
+    def _see(self, window: EventWindow, period: float) -> Controller | None:
+        """Return what a window shows of the controller; None where that is not resolved."""
+        found = see_controller(window, period, self.table if self._loop is None else _bare(self.table))
+        if found is not None and found.said == CONTRADICTED and self._confirmed:
+            found = see_controller(
+                window, period, _bare(self.table)
+            )  # other settings have to be seen by themselves
+        if found is None or found.said != UNRESOLVED:
+            return found
+        if self.guess is None or _width(found) <= _width(self.guess):
+            self.guess = found
+        return None
+
+    def _joined(
+        self, window: EventWindow, start: int, end: int, period: float
+    ) -> tuple[EventWindow, int] | None:
+        """Return some stretches in a row as one, with its start [ns], once there are enough; None before."""
+        if self.seen is not None:
+            return None
+        follows = bool(self._pieces) and start - self._pieces[-1][2] < 1.5 * period * 1e9
+        self._pieces = [*(self._pieces if follows else []), (window, start, end)]
+        if len(self._pieces) < JOINED_STRETCHES:
+            return None
+        pieces, self._pieces = self._pieces, []
+        first = pieces[0][1]
+        time = np.concatenate([w.time + (at - first) * 1e-9 for w, at, _ in pieces])
+        sp, pv, op = (np.concatenate([getattr(w, n) for w, _, _ in pieces]) for n in ("sp", "pv", "op"))
+        return EventWindow(time, sp, pv, op, len(time)), first
 
     def _confirms(self, found: Controller) -> bool:
         """Whether a window shows what is known already."""
@@ -178,6 +222,12 @@ class InForce:
         delay = 0.0 if self.seen is None else max(self.seen.delay, found.delay)
         shows = found.explained is not None and found.explained >= SHOWS_DELAY_SHARE
         self.extra_delay = delay if shows else max(delay, self.extra_delay)
+
+
+def _width(found: Controller) -> float:
+    """Return the width of gain and integral time together, as shares; inf where they are not known."""
+    widths = [(i.high - i.low) / abs(i.value) if i.value else math.inf for i in (found.kp, found.ti)]
+    return sum(w if math.isfinite(w) else UNKNOWN_WIDTH for w in widths)
 
 
 def _bare(loop: Loop) -> Loop:

@@ -51,7 +51,7 @@ def loop_row(in_force: InForce, tuning: Tuning, health: Health) -> LoopRow:
         **({} if suggested is None else suggested.today),
         **_of_health(health),
         **_of_today(loop),
-        **({} if in_force.seen is None else _seen(in_force.seen, loop.canonical_form)),
+        **_seen(in_force.seen or in_force.guess, loop.canonical_form),
     )
 
 
@@ -81,8 +81,10 @@ def _of_today(loop: Loop) -> Figures:
     return {"kp": loop.kp, "ti": loop.ti, "td": loop.td, "tf": loop.filter_time}
 
 
-def _seen(controller: Controller, form: str) -> Figures:
+def _seen(controller: Controller | None, form: str) -> Figures:
     """Return the columns of the controller as the data show it, in the loop's form where that can hold it."""
+    if controller is None:
+        return {}
     figures: dict[str, float | None] = {"settings_explained": controller.explained}
     own = controller.settings_in(form)
     for name in ("kp", "ti", "td"):

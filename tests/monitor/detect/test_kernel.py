@@ -93,7 +93,7 @@ def test_units_and_clock_do_not_matter(a, b, c, d, shift):
 
 
 def test_stretches_are_the_samples_themselves_however_they_are_batched(fleet):
-    """Each is a row of a loop's samples as they came; the first ones soon, then each time their number has doubled."""
+    """Each is a row of a loop's samples as they came; first all, then one each time their number has doubled."""
     loops, samples = fleet
     whole, parts = Detector(loops), Detector(loops)
     whole.run(samples)

@@ -27,12 +27,10 @@ def window(kp: float = 2.0, ti: float = 80.0) -> EventWindow:
     return EventWindow(time, samples.sp, samples.pv, samples.op, 200)
 
 
-def looked(in_force: InForce, *windows: EventWindow) -> list[bool]:
-    """Look at windows, one every hour."""
-    hour = 3600 * 10**9
-    return [
-        in_force.look(w, START + k * hour, START + k * hour + 500 * 10**9, 1.0) for k, w in enumerate(windows)
-    ]
+def looked(in_force: InForce, *windows: EventWindow, after: int = 0) -> list[bool]:
+    """Look at windows, one every hour, ``after`` some hours."""
+    starts = [START + (after + k) * 3600 * 10**9 for k in range(len(windows))]
+    return [in_force.look(w, t, t + 500 * 10**9, 1.0) for w, t in zip(windows, starts, strict=True)]
 
 
 def test_a_right_table_is_believed():
@@ -51,7 +49,7 @@ def test_a_wrong_table_is_contradicted_until_the_data_agree():
     assert looked(in_force, window(kp=0.5)) == [False]
     assert "table" in in_force.contradiction
     assert in_force.source == TABLE
-    assert looked(in_force, window()) == [True]
+    assert looked(in_force, window(), after=1) == [True]
     assert in_force.contradiction == ""
 
 
@@ -120,7 +118,7 @@ def test_a_quiet_stretch_alone_changes_nothing():
     seen = looked(in_force, window(), stretch(kp=3.5), stretch(), stretch(kp=3.5))
     assert seen == [False] * 4
     assert (in_force.source, in_force.contradiction) == (TABLE, "")
-    assert looked(in_force, stretch(kp=3.5)) == [True]
+    assert looked(in_force, stretch(kp=3.5), after=4) == [True]
     assert in_force.loop.kp == pytest.approx(3.5, rel=0.05)
     assert in_force.change is not None
     assert in_force.change.before == START + 3 * 3600 * 10**9  # when it was first seen
@@ -131,5 +129,5 @@ def test_a_quiet_stretch_alone_accuses_nobody():
     in_force = InForce(WRONG)
     looked(in_force, stretch())
     assert in_force.contradiction == ""
-    looked(in_force, stretch())
+    looked(in_force, stretch(), after=1)
     assert "minutes" in in_force.contradiction

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.assess.reference import model_of, settings_of, with_hold_delay
+from monitor.assess.tuning import MS_MARGIN_RATIO, integral_too_strong
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Array
 from tuners.loops import coefficients, span
@@ -44,12 +45,13 @@ SAFER_SHARE = 0.9
 """Share of today's Ms below which settings that are no good are at least better."""
 CROSSOVER_POINTS = 160
 """Frequencies at which a crossover is looked for: 4 to 5 decades at 6 % a step."""
-OTHER_KIND, MISFIT, NOT_EXCITED, LOADS_ALONE, IN_PARTS = (
+OTHER_KIND, MISFIT, NOT_EXCITED, LOADS_ALONE, IN_PARTS, NEAR_THE_EDGE = (
     "the events do not exclude the other kind of process",
     "the model leaves more unexplained than noise does",
     "what was not excited is not known: the crossover is at most doubled at a time",
     "after load steps alone no more than twice the gain at a time, and no new derivative",
     "no more than four times the gain at a time",
+    "the loop is too close to instability for more gain",
 )
 """Why settings are refused, in words."""
 
@@ -63,6 +65,10 @@ class Guards:
     rivals: tuple[Model, ...]
     today: Settings | None
     evidence: Evidence
+    most_ms: float
+    """Ms of today's settings above which the loop is too close to instability [-]."""
+    rolls: bool
+    """It is so for too much integral action, which more gain cures."""
 
     @classmethod
     def of(cls, loop: Loop, region: Model, evidence: Evidence, period: float) -> Guards:
@@ -76,7 +82,10 @@ class Guards:
             Sample period [s].
         """
         rivals = tuple(with_hold_delay(model_of(fit), period) for fit in evidence.rivals)
-        return cls(nominal(region), rivals, settings_of(loop), evidence)
+        model = nominal(region)
+        alone = type(model)(*(float(np.ravel(x)[0]) for x in (model.gain, model.dead_time, *model.lags)))
+        rolls = bool(integral_too_strong(loop, alone))
+        return cls(model, rivals, settings_of(loop), evidence, MS_MARGIN_RATIO * loop.ms_max, rolls)
 
     def refused(self, many: list[Settings]) -> list[str]:
         """Say for each of the settings why it is refused; empty where it is not."""
@@ -88,6 +97,7 @@ class Guards:
             (NOT_EXCITED, self._not_excited(many)),
             (LOADS_ALONE, self._after_loads(many)),
             (IN_PARTS, self._at_once(many, ONCE_RATIO)),
+            (NEAR_THE_EDGE, self._near_the_edge(many)),
         )
         return [next((why for why, where in checks if where[k]), "") for k in range(len(many))]
 
@@ -116,11 +126,17 @@ class Guards:
         room = self._room(many, misfit.omega, misfit.bound)[:, : len(many)]
         return np.asarray(np.any(room < LEAST_DISTANCE, axis=0))
 
-    def no_new_lead(self, aim: Settings) -> bool:
-        """Whether load steps alone do not allow the derivative of an aim."""
-        return (
-            self.today is not None and self.evidence.loads_only and float(self.today.td) == 0 < float(aim.td)
-        )
+    @property
+    def lead_withheld(self) -> bool:
+        """Whether load steps alone do not allow a derivative, as there is none today."""
+        return self.today is not None and self.evidence.loads_only and float(self.today.td) == 0
+
+    def _near_the_edge(self, many: list[Settings]) -> Flags:
+        """Where gain is added to a loop that the model calls too close to instability, but for want of gain."""
+        if self.today is None or self.rolls:
+            return np.zeros(len(many), dtype=bool)
+        (peak,) = worst_peaks(self.model, self.today)
+        return np.asarray(self._at_once(many, 1.0) & bool(peak > self.most_ms))
 
     def _on_rivals(self, many: list[Settings]) -> Flags:
         """Where Ms on a model of the other kind is too high, and no lower than that of today's settings."""
@@ -142,12 +158,12 @@ class Guards:
 
         ``max 1/(|1 + L| - |C| U) <= 3`` over the modes seen, U the bound of the error.
         """
-        wrong: Flags = self.endangered(many)
+        wrong = self.endangered(many)
         misfit = self.evidence.misfit
         if self.today is not None and misfit is not None and np.any(wrong):
             least = np.min(self._room(many, misfit.omega, misfit.bound), axis=0)
             safer = (least[:-1] > least[-1]) & ~self._beyond(many, 1.0) & ~self._at_once(many, 1.0)
-            wrong = np.asarray(wrong & ~safer)
+            return np.asarray(wrong & ~safer)
         return wrong
 
     def _not_excited(self, many: list[Settings]) -> Flags:
@@ -171,7 +187,7 @@ class Guards:
         """Where more is asked for than load steps alone can show."""
         if self.today is None or not self.evidence.loads_only:
             return np.zeros(len(many), dtype=bool)
-        lead = np.array([self.no_new_lead(s) for s in many])
+        lead = np.array([float(s.td) > 0 for s in many]) & self.lead_withheld
         return np.asarray(self._at_once(many, LOADS_GAIN_RATIO) | lead)
 
     def _at_once(self, many: list[Settings], ratio: float) -> Flags:

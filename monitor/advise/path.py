@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from tuners.settings import Settings
 
 from .candidates import Limits
-from .guards import LOADS_ALONE, MISFIT, SAFER_SHARE, SOFT_RATIO, Guards
+from .guards import LOADS_ALONE, MISFIT, SOFT_RATIO, Guards
 from .stages import ORDERS, between, rounded, stages
 
 WAY_SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.12)
@@ -20,10 +20,8 @@ LEAST_STEP_RATIO = 1.05
 """Of gain or a time in today's, below which a step is none."""
 UNKNOWN_START_RATIO = 4.0
 """Where today's settings are not known, the way comes from settings so many times gentler than the aim."""
-RETREAT_RATIOS = (1.25, 1.6, 2.0, 2.5, 3.2)
+RETREAT_RATIOS = (1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0)
 """Times gentler than an aim that takes gain away, where the model's error asks for more than that."""
-MOST_MS = 2.6
-"""Ms on the model found of a first part that is not within the limit yet, but safer than today's settings."""
 MS_ON_THE_WAY = "Ms on the way would be too high"
 NEARLY_THERE = "what is safe to change now is less than 5 % of today's settings"
 
@@ -63,20 +61,20 @@ def way(limits: Limits, guards: Guards, aim: Settings, peaks: tuple[float, float
     if further is not None:
         aim, peaks = further
     end, reasons = aim, []
-    if guards.no_new_lead(aim):
+    if guards.lead_withheld and float(aim.td) > 0:
         end, reasons = replace(aim, td=0.0, tf=0.0), [LOADS_ALONE]
     for order in ORDERS:
         points = _distinct(start, (between(start, end, *order(x)) for x in WAY_SHARES))
         refused = guards.refused(points)
         for point, why in zip(points, refused, strict=True):
-            found = None if why else _safe(limits, guards, point, aim, peaks)
+            found = None if why else _safe(limits, point, aim, peaks)
             if found is not None:
                 return _to(limits, point, found, aim, next(iter(reasons), ""))
             reasons.append(why or MS_ON_THE_WAY)
     if MISFIT in reasons:
         lead = float(start.td) == 0.0 < float(aim.td)
         for point in _soft_points(start, replace(aim, td=0.0, tf=0.0) if lead else aim, guards):
-            found = _safe(limits, guards, point, aim, peaks)
+            found = _safe(limits, point, aim, peaks)
             if found is not None:
                 return replace(_to(limits, point, found, aim, MISFIT), soft=True)
     return reasons[0] if reasons else NEARLY_THERE
@@ -91,17 +89,11 @@ def _to(limits: Limits, now: Settings, peaks: tuple[float, float], aim: Settings
 
 
 def _safe(
-    limits: Limits, guards: Guards, point: Settings, aim: Settings, peaks: tuple[float, float]
+    limits: Limits, point: Settings, aim: Settings, peaks: tuple[float, float]
 ) -> tuple[float, float] | None:
-    """Ms of a point on the model found and on the worst one, where that is safe, or at least safer than today."""
+    """Ms of a point on the model found and on the worst one, where it keeps to all limits."""
     found = peaks if point == aim else limits.worst(point)
-    if limits.kept_by(point, found):
-        return found
-    if guards.today is None or limits.breaks(point):
-        return None
-    today = limits.worst(guards.today)
-    safer = found[1] <= SAFER_SHARE * today[1] and found[0] <= SAFER_SHARE * today[0]
-    return found if safer and found[0] <= MOST_MS and math.isfinite(found[1]) else None
+    return found if limits.kept_by(point, found) else None
 
 
 def _soft_points(start: Settings, aim: Settings, guards: Guards) -> list[Settings]:

@@ -44,6 +44,8 @@ from .prediction import Predicted, predict, references_of
 from .region import uncertain_models
 from .stages import rounded
 
+WITHOUT_LEAD = {"pid": "pi", "pd": "p"}
+"""What a structure is before its derivative may be added."""
 STEP_ASIDE_SHARE = 0.02
 """Gain, as a share of the reference's error, for which a suggestion goes one step away from the rule itself."""
 
@@ -122,16 +124,20 @@ def advise(
     model = model_of(fit)
     structure = reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), period)
-    times = tc * np.geomspace(1.0, SLOWEST_RATIO, TIME_COUNT)
     name = loop.rule if loop.rule and not rule_mismatch(loop, fit.process) else RULE[structure]
+    ruled = WITHOUT_LEAD.get(structure, structure) if guards.lead_withheld else structure
+    name = name if ruled == structure else RULE[ruled]
+    times = closed_loop_time(loop, reduced(model, ruled), period) * np.geomspace(
+        1.0, SLOWEST_RATIO, TIME_COUNT
+    )
     try:
-        if name == RULE[structure]:
-            candidates = reference_candidates(loop, model, structure, times)
+        if name == RULE[ruled]:
+            candidates = reference_candidates(loop, model, ruled, times)
         else:
             times, candidates = named_candidates(limits, name, model, times)
         found = search(limits, times, candidates)
-        if found.loud and name == RULE[structure]:
-            found = search(limits, times, reference_candidates(loop, model, structure, times, loud=True))
+        if found.loud and name == RULE[ruled]:
+            found = search(limits, times, reference_candidates(loop, model, ruled, times, loud=True))
         return _best(found, guards, fit, structure, (tc, name, ms))
     except (ValueError, NotRepresentableError) as error:
         return Withheld(f"no settings of the rule {name} for this model: {error}")

@@ -45,8 +45,11 @@ CLOSE_STEPS, CLOSE_COUNT, CLOSE_DAMPINGS = 0.8, 9, np.array([0.01, 0.02, 0.05, 0
 """Steps of the grid to either side of the mode that explains most, frequencies there, and dampings."""
 SEEN_CHI = 25.0
 """Power that a mode explains, in variances of the noise, from which it is no chance: 180 modes are tried."""
-ALIKE_SHARE = 1e-6
-"""Share of a mode's power that is left, once the parameters have had their part, below which it is none of its own."""
+ALIKE_SHARE, ALIKE_BROAD_SHARE = 1e-6, 3e-4
+"""Share of a mode's power that is left, once the parameters have had their part, below which it is none of its own.
+Little is left of one that rings, for most of its power is its gain at rest; one that does not ring is then a lag."""
+BROAD_DAMPING = 0.3
+"""From which a mode hardly rings."""
 LEAST_POWER_SHARE = 1e-14
 """Least noise that is reckoned with, as a share of PV's power."""
 
@@ -128,14 +131,17 @@ class _Modes(NamedTuple):
 
     def take(self, where: NDArray[np.bool_]) -> _Modes:
         """Return some of them."""
-        return _Modes(*(x[where] for x in self))
+        omega, damping, bound, sd, chi = (
+            x[where] for x in (self.omega, self.damping, self.bound, self.sd, self.chi)
+        )
+        return _Modes(omega, damping, bound, sd, chi, self.alone[where])
 
 
 def _regressed(cells: _Cells, frequencies: Array, dampings: Array, least: float) -> _Modes:
     """Regress the residuals on each mode of these frequencies and dampings; ``least`` is the noise's variance."""
     n, p = cells.basis.shape
     omega, damping = np.repeat(frequencies, len(dampings)), np.tile(dampings, len(frequencies))
-    modes = _responses(cells.op, cells.step, omega, damping, cells.shift)
+    modes = _responses(cells.op, cells.step, omega, damping)
     one, two, b = modes[0::2], modes[1::2], modes @ cells.residual
     taken = modes @ cells.basis
     power = np.einsum("ij,ij->i", modes, modes)
@@ -150,9 +156,8 @@ def _regressed(cells: _Cells, frequencies: Array, dampings: Array, least: float)
         var = np.maximum(rest / (n - p - 2), least)
         sd = np.sqrt(var * (g11 + g22) / det / 2.0) / (2.0 * damping)
         bound = np.hypot(a1, a2) / (2.0 * damping) + sd
-        alone = (np.minimum(g11 / power[0::2], g22 / power[1::2]) > ALIKE_SHARE) & (
-            det > ALIKE_SHARE * g11 * g22
-        )
+        alike = np.where(damping < BROAD_DAMPING, ALIKE_SHARE, ALIKE_BROAD_SHARE)
+        alone = (np.minimum(g11 / power[0::2], g22 / power[1::2]) > alike) & (det > ALIKE_SHARE * g11 * g22)
         return _Modes(omega, damping, bound, sd, explained / var, alone & np.isfinite(bound))
 
 
@@ -161,8 +166,6 @@ class _Cells(NamedTuple):
 
     step: float
     """[s]"""
-    shift: float
-    """Where in a cell its mean of PV lies, as a share of the cell."""
     each: int
     """Points of a cell."""
     op: Array
@@ -205,7 +208,7 @@ def _cells(window: EventWindow, fit: Fit) -> _Cells | None:
     basis = _orthonormal(np.column_stack(parts))
     r = r - basis @ (basis.T @ r)
     op = np.ascontiguousarray(np.mean(held.reshape(n, each), axis=1))
-    return _Cells(each * fine, 0.5 * (each - 1) / each, each, op, r, basis, float(np.var(window.pv)))
+    return _Cells(each * fine, each, op, r, basis, float(np.var(window.pv)))
 
 
 def _orthonormal(columns: Array) -> Array:
@@ -216,10 +219,10 @@ def _orthonormal(columns: Array) -> Array:
 
 
 @jit
-def _responses(u, step, omega, damping, shift):
-    """Response of each mode, and its slope over its frequency, to held input, ``shift`` of a step after each point.
+def _responses(u, step, omega, damping):
+    """Response of each mode, and its slope over its frequency, to held input, where each of its steps begins.
 
-    (2 k, n), the two of a mode one after the other; exact at the points, between them on a line.
+    (2 k, n), the two of a mode one after the other. Inside a step the controller may have answered PV's noise in it.
     """
     n = len(u)
     out = np.empty((2 * len(omega), n))
@@ -234,7 +237,7 @@ def _responses(u, step, omega, damping, shift):
             away = a - u[i]
             a_next = u[i] + f11 * away + f12 * b
             b_next = f22 * b - f12 * away
-            out[2 * k, i] = a + shift * (a_next - a)
-            out[2 * k + 1, i] = b + shift * (b_next - b)
+            out[2 * k, i] = a
+            out[2 * k + 1, i] = b
             a, b = a_next, b_next
     return out

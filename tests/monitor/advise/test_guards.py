@@ -15,6 +15,7 @@ from monitor.advise.guards import (
     EXCITED_RATIO,
     LOADS_ALONE,
     MISFIT,
+    NEAR_THE_EDGE,
     NOT_EXCITED,
     OTHER_KIND,
     SOFT_RATIO,
@@ -68,9 +69,18 @@ def test_after_loads_alone_less_is_asked_for():
     held = guards(Evidence(loads_only=True), kp=0.2)
     lead = Settings(0.2, 200.0, 2.0, 0.2)
     assert held.refused([Settings(0.45, 300.0), lead, Settings(0.3, 200.0)])[1:] == [LOADS_ALONE, ""]
-    assert held.no_new_lead(lead)
-    assert not guards(Evidence(loads_only=True), td=1.0).no_new_lead(lead)
-    assert not guards().no_new_lead(lead)
+    assert held.lead_withheld
+    assert not guards(Evidence(loads_only=True), td=1.0).lead_withheld
+    assert not guards().lead_withheld
+
+
+def test_no_gain_is_added_near_instability():
+    """Unless it is gain that is wanting: an integrating loop with too much integral action."""
+    assert guards(kp=4.5, ti=100.0).refused([Settings(4.7, 200.0), Settings(4.0, 200.0)]) == [
+        NEAR_THE_EDGE,
+        "",
+    ]
+    assert guards(kp=0.3, ti=8.0).refused([Settings(0.4, 30.0)]) == [""]
 
 
 def test_the_other_kind_of_process_counts():

@@ -82,14 +82,19 @@ def test_a_soft_step_is_what_an_error_leaves():
 
 
 def test_after_loads_alone_no_new_derivative():
-    """A PID by its declaration, run as PI: the gain first, the derivative after a set-point step."""
+    """A PID by its declaration, run as PI: it is tuned as PI until a set point has stepped."""
     loop = sluggish(kp=0.6, controller="pid")
-    assert given_advice(loop).settings.td > 0
+    free = given_advice(loop)
+    assert free.settings.td > 0
     advice = given_advice(loop, evidence=Evidence(loads_only=True))
-    assert advice.settings.td == 0
-    assert advice.aim.td > 0
+    assert advice.rule == "simc-pi"
+    assert advice.settings.td == advice.aim.td == 0
     assert float(advice.settings.kp) <= 1.2
-    assert advice.limited_by == LOADS_ALONE
+    held = renewed(free, loop, make_fit(), 0.01, PERIOD, Evidence(loads_only=True))
+    assert held is not None
+    assert held.aim == free.aim
+    assert held.settings.td == 0
+    assert held.limited_by == LOADS_ALONE
 
 
 def test_without_settings_the_aim_or_something_gentler():
@@ -140,7 +145,7 @@ def test_less_than_five_percent_is_no_step(other, step):
     soft_step=st.booleans(),
 )
 def test_what_is_typed_in_is_safe_or_safer(kp, ti, omega, bound, loads_only, soft_step):
-    """Every part passes the guards (but for the soft step's error), and Ms is within the limit or below today's."""
+    """Every part passes the guards (but for the soft step's error), and Ms is within the limit."""
     evidence = Evidence(misfit=error(omega, bound), loads_only=loads_only, soft_step=soft_step)
     loop = sluggish(kp=kp, ti=ti)
     advice = asked(loop, evidence=evidence)
@@ -152,7 +157,7 @@ def test_what_is_typed_in_is_safe_or_safer(kp, ti, omega, bound, loads_only, sof
     today = settings_of(loop)
     assert today is not None
     worst = float(np.max(peak_sensitivity(region, advice.settings)))
-    assert worst <= max(2.2, 0.9 * float(np.max(peak_sensitivity(region, today))))
+    assert worst <= 2.2
     guards = Guards.of(loop, region, evidence, PERIOD)
     (why,) = guards.refused([advice.settings])
     assert not why or (why == MISFIT and soft_step and guards.soft([advice.settings]) == [True])

@@ -336,7 +336,7 @@ def test_nothing_that_comes_in_leads_to_harm(
     exact, led_to = (float(np.max(peak_sensitivity(region, s))) for s in (advice.settings, new))
     assert advice.ms_worst == pytest.approx(exact, rel=1e-9)
     assert led_to <= ms_max
-    assert exact <= ms_max or exact < float(np.max(peak_sensitivity(region, settings_of(loop))))
+    assert exact <= ms_max
     assert float(new.kp) < 0
     assert new.form == form
     assert (advice.stages[0], advice.stages[-1]) == (advice.settings, new)

@@ -63,7 +63,7 @@ def seen(window: EventWindow, noise: float) -> ModelError:
 def test_responses_are_those_of_the_differential_equation(w, zeta, seed):
     u = np.random.default_rng(seed).normal(size=12)
     naive = second_order(u, 0.7, w, zeta)
-    fast = _responses(u, 0.7, np.array([w]), np.array([zeta]), 0.0)
+    fast = _responses(u, 0.7, np.array([w]), np.array([zeta]))
     np.testing.assert_allclose(fast, naive, atol=5e-3 * float(np.abs(naive).max()))
 
 

@@ -8,18 +8,17 @@ PV that the controller did not see could hide, and beyond what the way in which 
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor.contract.loops import Loop
-from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
-from tuners.settings import NotRepresentableError, Settings
+from tuners.settings import NotRepresentableError
 
-from .controller_cause import cause_of
+from .controller_case import FREE, NOWHERE, Case, settings_of_gains
+from .controller_cause import ALIKE_RATIO, cause_of, same
 from .controller_fit import (
     EXACT_SHARE,
     MOST_JUMPS_SHARE,
@@ -33,12 +32,9 @@ from .controller_fit import (
     is_exact,
     left_at,
     placed,
-    trimmed,
-    walk_share,
 )
+from .controller_free import FAR_BETTER, free_fit, with_filter_found, without_table
 from .controller_judge import (
-    NARROW_RATIO,
-    NARROW_TIME_RATIO,
     VERY_FINE,
     WELL_EXPLAINED,
     against,
@@ -47,79 +43,29 @@ from .controller_judge import (
     shown,
     well,
 )
-from .controller_law import INTEGRAL, D, P, columns, compared
-from .controller_other import WEIGHTS, setpoint_inside, varying_gain, with_derivative
+from .controller_law import INTEGRAL, P, columns, compared
+from .controller_other import WEIGHTS, setpoint_inside, varying_gain
 from .controller_rows import LEAST_ROWS, Rows, lay_out
 from .controller_seen import (
     AS_DECLARED,
     BESIDE,
     CONTRADICTED,
-    FOUND,
     NOT_LINEAR,
     UNRESOLVED,
     Controller,
     intervals,
 )
 
-FAR_BETTER, MUCH_BETTER = 0.25, 0.1
-"""Share of the squares that is left where other gains are taken for the true ones; where a filter or a delay is."""
+MUCH_BETTER = 0.1
+"""Share of the squares that is left where a filter or a delay is taken to be there."""
 LEAST_EXACT_ROWS = 7
 """Rows that show a law that leaves nothing."""
-FORGETS_LN = 9.0
-"""Of the share to which the derivative filter\'s unknown start fades, until its rows count."""
 LEAST_FILTER_PERIODS = 0.05
 """A PV filter shorter than this is none."""
-LEAST_TD_PERIODS = 2.0
-"""Sample periods from which a derivative that nobody declared is one: a shorter one may be coarse sampling."""
+MOST_TF_SHARE = 0.03
+"""Share of the derivative time up to which a derivative has no filter."""
 FAR_RATIO = 2.0
 """Ratio to the ends of its interval from which kp is hardly known."""
-NOWHERE = Place(0.0, 0.0, 0.0)
-FREE = np.full(4, np.nan)
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Case:
-    """Rows, as recorded and at which the controller ran, and the law that is asked for."""
-
-    rows: Rows
-    recorded: Rows
-    loop: Loop
-    known: Known
-    late: int = 0
-    """Rows as recorded by which OP follows its inputs, within a run of a slow controller."""
-
-    def settled(self) -> Case:
-        """Return the case without the first rows, in which the derivative's unknown start is seen."""
-        if not self.known.derivative:
-            return self
-        use = self.rows.use.copy()
-        period, tf = self.rows.period, self.known.tf
-        fading = FORGETS_LN / math.log1p(period / tf) if tf > 0 else 0.0
-        use[: min(2 + math.ceil(fading), len(use) // 4)] = False
-        return replace(self, rows=replace(self.rows, use=use))
-
-    def controller(
-        self, said: str, found: Estimate | None, place: Place, share: float, cause: str = ""
-    ) -> Controller:
-        """Return what is said, of settings as found or, without, of the table's."""
-        exact = Estimate.exact(self.known.gains) if found is None else found
-        kp, ti, td = intervals(exact)
-        if said in {AS_DECLARED, BESIDE}:  # what the discretisation may shift is no difference
-            exact = Estimate.exact(self.known.gains)
-            kp, ti, td = (i.including(o) for i, o in zip((kp, ti, td), intervals(exact), strict=True))
-        return Controller(
-            said=said,
-            settings=None if said == UNRESOLVED else settings_of_gains(exact.gains, self.known),
-            kp=kp,
-            ti=ti,
-            td=td,
-            explained=min(max(share, 0.0), 1.0),
-            pv_filter=place.filter_time,
-            op_delay=place.late * self.rows.period + self.late * self.recorded.period,
-            scan=self.rows.period if self.rows.stride == 1 else self.rows.period / self.rows.stride,
-            period=self.recorded.period / self.recorded.stride,
-            cause=cause,
-        )
 
 
 def see_controller(window: EventWindow, period: float, loop: Loop) -> Controller | None:
@@ -144,7 +90,7 @@ def see_controller(window: EventWindow, period: float, loop: Loop) -> Controller
     found = None
     for case in [*paced[:1], as_recorded]:
         if len(case.rows) >= LEAST_ROWS and (found is None or found.said == UNRESOLVED):
-            found = _searched(case.settled()) if known.given else _without_table(case)
+            found = _searched(case.settled()) if known.given else without_table(case)
     return found
 
 
@@ -261,18 +207,20 @@ def _searched(case: Case) -> Controller:
     moved = _set_point_said(case)
     if moved is not None:
         return moved
-    rows = trimmed(whole, known.law(whole), known.active, 4.0 * whole.quantum)
-    case = replace(case, rows=rows)
-    walk = walk_share(rows, known.law(rows), known.active, FREE)
+    case, walk, best = free_fit(case)
+    rows = case.rows
     share = explained(rows, known, known.gains, NOWHERE, 0.0)
-    best = estimate(rows, known, walk, NOWHERE)
     if not is_exact(rows, known, best):
-        case, best = _with_filter_found(case, best, walk)
+        case, best = with_filter_found(case, best, walk)
     if is_exact(rows, case.known, best):
         known = case.known
         other = against(known, best, rows, exact=True) and (
             known.derivative or far(known, best) or is_exact(rows, known, best, VERY_LITTLE_SHARE)
         )
+        filtered = _recorded_filtered(case, best) if other else 0.0
+        if filtered:
+            words = f"PV is recorded through a filter of {filtered:.3g} s that the controller does not see"
+            return case.controller(BESIDE, None, NOWHERE, 1.0, words)
         if is_drawn(rows) or not other:
             return _declared(case, NOWHERE, share, "", best)
         return _contradicted(case, best, share)
@@ -290,6 +238,23 @@ def _searched(case: Case) -> Controller:
     return _judged(case, whole, best, (share, min(s0, s1), walk))
 
 
+def _recorded_filtered(case: Case, found: Estimate) -> float:
+    """Return the time constant of a filter through which PV is recorded, where that makes the difference [s]; or 0.
+
+    A PI of the PV before a filter is a series PID of the PV behind it, with the filter's time constant as derivative
+    time and without a derivative filter of its own (derived; no block has such a derivative).
+    """
+    own, seen = case.loop.settings, settings_of_gains(found.gains, case.known)
+    if own is None or own.td != 0 or seen is None or case.known.tf > MOST_TF_SHARE * seen.td:
+        return 0.0
+    try:
+        series = replace(seen, tf=0.0).to("series")
+    except NotRepresentableError:
+        return 0.0
+    pairs = ((series.kp, own.kp), (series.ti, own.ti))
+    return float(series.td) if all(same(float(a), float(b), ALIKE_RATIO) for a, b in pairs) else 0.0
+
+
 def _judged(case: Case, whole: Rows, best: Estimate, facts: tuple[float, float, float]) -> Controller:
     """Return what is said where nothing is exact.
 
@@ -298,35 +263,16 @@ def _judged(case: Case, whole: Rows, best: Estimate, facts: tuple[float, float, 
     """
     known, rows, (share, left, walk) = case.known, case.rows, facts
     other = against(known, best, rows)
-    if other or explained(whole, known, best.gains, best.place, 1.0) < VERY_FINE:
+    if not is_drawn(whole) and (other or explained(whole, known, best.gains, best.place, 1.0) < VERY_FINE):
         varying = varying_gain(whole, known, left_at(whole, known, FREE, 1.0, best.place))
         if varying:
             return case.controller(NOT_LINEAR, best, NOWHERE, share, varying)
-    if not other:
-        if share > WELL_EXPLAINED or intervals(best)[0].ratio < FAR_RATIO:
-            return _declared(case, NOWHERE, share, "", best)
-    elif left > best.place.squares / FAR_BETTER and far(known, best) and shown(rows, known, best, walk):
+    if share > WELL_EXPLAINED or (not other and intervals(best)[0].ratio < FAR_RATIO):
+        return _declared(case, NOWHERE, share, "", best)
+    far_better = left > best.place.squares / FAR_BETTER
+    if other and far_better and far(known, best) and shown(rows, known, best, walk):
         return _contradicted(case, best, share)
     return case.controller(UNRESOLVED, best, NOWHERE, share)
-
-
-def _with_filter_found(case: Case, best: Estimate, walk: float) -> tuple[Case, Estimate]:
-    """Return the case with a derivative, or its filter, as the data have them, where that leaves far less."""
-    if case.rows.stride > 1:
-        return case, best
-    other = with_derivative(case.rows, case.known, walk)
-    found = estimate(case.rows, other, walk, NOWHERE)
-    td = float(found.gains[D] / found.gains[P]) if found.gains[P] else 0.0
-    least = 0.0 if case.known.derivative else LEAST_TD_PERIODS * case.rows.period
-    if found.place.squares > FAR_BETTER * best.place.squares or td <= least:
-        return case, best
-    if (
-        case.known.given
-        and not case.known.derivative
-        and not is_exact(case.rows, other, found, VERY_LITTLE_SHARE)
-    ):
-        return case, best  # coarse samples of a PI look like a derivative, too
-    return replace(case, known=other), found
 
 
 def _contradicted(case: Case, found: Estimate, share: float) -> Controller:
@@ -339,36 +285,3 @@ def _contradicted(case: Case, found: Estimate, share: float) -> Controller:
     own = 1.0 + abs(float(found.gains[INTEGRAL] / found.gains[P])) * case.rows.period
     cause = cause_of(case.loop, seen, (kp.ratio * own, ti.ratio * own, td.ratio * own))
     return case.controller(CONTRADICTED, found, found.place, share, cause)
-
-
-def settings_of_gains(gains: Array, known: Known) -> Settings | None:
-    """Return gains as settings in standard form, with the filter and weights of the law; None where they are none."""
-    kp, ki, kd = (float(g) for g in gains[:3])
-    if kp == 0 or ki / kp < 0:
-        return None
-    td = max(kd / kp, 0.0)
-    return Settings(
-        kp, kp / ki if ki else math.inf, td, known.tf if td > 0 else 0.0, "standard", known.b, known.c
-    )
-
-
-def _without_table(case: Case) -> Controller:
-    """Return what is seen of a controller of which the table says nothing."""
-    known = case.known
-    rows = trimmed(case.rows, known.law(case.rows), known.active, 4.0 * case.rows.quantum)
-    case = replace(case, rows=rows)
-    walk = walk_share(rows, known.law(rows), known.active, FREE)
-    found = estimate(rows, known, walk, NOWHERE)
-    if not is_exact(rows, known, found):
-        case, found = _with_filter_found(case, found, walk)
-        known = case.known
-    if not is_exact(rows, known, found):
-        free = estimate(rows, known, walk, placed(rows, known, FREE, walk))
-        found = free if free.place.squares <= FAR_BETTER * found.place.squares else found
-    kp, ti, _ = intervals(found)
-    seen = settings_of_gains(found.gains, known)
-    share = explained(rows, known, found.gains, found.place, 0.0)
-    clear = share > WELL_EXPLAINED and kp.ratio < NARROW_RATIO and ti.ratio < NARROW_TIME_RATIO
-    if seen is None or not clear or is_drawn(rows):
-        return case.controller(UNRESOLVED, found, NOWHERE, share)
-    return case.controller(FOUND, found, found.place, share)

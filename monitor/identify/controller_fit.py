@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from monitor.contract.samples import Array
 from .controller_law import (
     INTEGRAL,
     OP,
+    RIDGE_SHARE,
     START,
     WALK_SHARES,
     D,
@@ -41,6 +42,8 @@ SEARCHED_ROWS, SEARCHED_BEFORE_ROWS = 400, 80
 Z95 = 1.96
 LEFT_SHARE, VERY_LITTLE_SHARE, MOST_ROUNDED_SHARE = 1e-5, 1e-9, 1e-2
 """Share of the squares of OP's moves that an exact law leaves; a computed one; most that rounding may have."""
+OP_GAINS = 3
+"""Gains of a law: kp, ki, kd."""
 LEAST_PRODUCT = 1e-30
 """Of a column with itself; of less than rounding, it is nothing."""
 LEAST_REST_SHARE = 1e-4
@@ -67,6 +70,8 @@ class Known:
     """Whether a free fit has a derivative."""
     given: bool = True
     """Whether these are settings of a table."""
+    integral: bool = True
+    """Whether a free fit has an integral."""
 
     @property
     def gains(self) -> Array:
@@ -76,7 +81,7 @@ class Known:
     @property
     def active(self) -> NDArray[np.int64]:
         """Columns of a free fit."""
-        return np.array([P, INTEGRAL, D, START] if self.derivative else [P, INTEGRAL, START])
+        return np.array([P] + [INTEGRAL] * self.integral + [D] * self.derivative + [START])
 
     def law(self, rows: Rows, present: float = 1.0) -> tuple[float, float, float, float, float]:
         """As the columns take it."""
@@ -102,24 +107,32 @@ class Estimate:
     """(4,)"""
     sd: Array
     """(3,) Standard deviations of kp, ki, kd."""
-    noise_ratio: Array
-    """(3,) How many times larger a gain may be if all that is left of OP is noise of PV that the controller did not
-    see: the gain of the reverse regression over the direct one (Frisch 1934)."""
+    if_noise: Array
+    """(3,) Gains if all that is left of OP is white noise of PV that the controller did not see (Frisch 1934)."""
     place: Place
     rows: int
+    unsampled_ratio: float = 1.0
+    """How many times larger ki may be if all that is left of OP is what a faster controller integrated between samples:
+    the gain of the reverse regression over the direct one, and as much again."""
 
     @classmethod
     def exact(cls, gains: Array) -> Estimate:
         """Return gains that are beyond doubt."""
-        return cls(gains, np.zeros(3), np.ones(3), Place(0.0, 0.0, 0.0), 0)
+        return cls(gains, np.zeros(3), gains[:3].copy(), Place(0.0, 0.0, 0.0), 0)
+
+    def farthest(self, which: int, z: float) -> tuple[float, float]:
+        """Return the interval of a gain with all that a recording may hide of the integral."""
+        low, high = self.ends(which, z)
+        more = float(self.gains[which]) * (self.unsampled_ratio**2 if which == INTEGRAL else 1.0)
+        return min(low, more), max(high, more)
 
     def ends(self, which: int, z: float) -> tuple[float, float]:
-        """Return the interval of a gain, ``z`` standard deviations wide on either side, and beyond zero's far side."""
-        value, half = float(self.gains[which]), z * float(self.sd[which])
-        away = math.copysign(1.0, value)
-        near = value - away * half
-        far = value * float(self.noise_ratio[which]) + away * half
-        return min(near, far), max(near, far)
+        """Return the interval of a gain: ``z`` standard deviations beyond it, and beyond what noise makes of it."""
+        half = z * float(self.sd[which])
+        both = float(self.gains[which]), float(self.if_noise[which])
+        if math.isnan(both[1]):
+            return -math.inf, math.inf
+        return min(both) - half, max(both) + half
 
 
 def walk_share(rows: Rows, law: tuple[float, ...], active: NDArray[np.int64], gains: Array) -> float:
@@ -196,21 +209,46 @@ def estimate(rows: Rows, known: Known, walk: float, place: Place) -> Estimate:
     gains, s = solved(m, active)
     own = np.diag(m)[active]
     scale = np.where(own > LEAST_PRODUCT, np.sqrt(own), 1.0)  # a column that is nothing says nothing
-    scaled = m[np.ix_(active, active)] / np.outer(scale, scale) + 1e-11 * np.eye(len(active))
+    scaled = m[np.ix_(active, active)] / np.outer(scale, scale) + RIDGE_SHARE * np.eye(len(active))
     inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
     reach = int(min(4 + n ** (1 / 3), n // 4))
     robust = inverse @ scores(white, gains, active, reach) @ inverse
     least = (LEAST_REST_SHARE if rows.stride == 1 else THINNED_SHARE) ** 2 * float(m[OP, OP]) / max(n, 1)
     plain = max(s / max(n - len(active), 1), least) * inverse
     variance = np.maximum(np.diag(robust), np.diag(plain))
-    sd, ratio = np.full(3, 0.0), np.ones(3)
-    for k, column in enumerate(active):
-        if column == START:
-            continue
-        sd[column] = math.sqrt(max(float(variance[k]), 0.0))
-        alone = float(gains[column]) ** 2 / float(inverse[k, k])  # what this column alone explains
-        ratio[column] = 1.0 + s / alone if alone > 0 else math.inf
-    return Estimate(gains, sd, ratio, Place(place.filter_time, place.late, float(s)), n)
+    sd = np.zeros(4)
+    sd[active] = np.sqrt(np.maximum(variance, 0.0))
+    if_noise = _without_noise(rows, known, walk, place, (m, gains, s))
+    alone = math.inf
+    if known.integral:
+        alone = float(gains[INTEGRAL]) ** 2 / float(inverse[1, 1])  # what the integral alone explains
+    ratio = 1.0 + s / alone if alone > 0 else math.inf
+    return Estimate(gains, sd[:OP_GAINS], if_noise, Place(place.filter_time, place.late, float(s)), n, ratio)
+
+
+def _without_noise(
+    rows: Rows, known: Known, walk: float, place: Place, fit: tuple[Array, Array, float]
+) -> Array:
+    """Return gains without the bias by as much noise of PV as would leave all that is left of OP; NaN: without bounds.
+
+    Noise adds to the products of the columns what it adds to them alone, and the gains times that to the squares left:
+    both are taken away (Koopmans 1937; the noise is white before the columns are made of it).
+    """
+    m, gains, s = fit
+    active = known.active
+    white = np.random.default_rng(0).standard_normal(len(rows))
+    noise = replace(rows, sp=np.zeros(len(rows)), pv=white)
+    own = products(_white(noise, known, walk, place)[0])
+    per = float(gains @ own[:OP, :OP] @ gains)
+    share = s / per if per > 0 else 0.0
+    left = (m - share * own)[np.ix_(active, active)]
+    scale = np.sqrt(np.maximum(np.diag(m)[active], LEAST_PRODUCT))
+    scaled = left / np.outer(scale, scale) + RIDGE_SHARE * np.eye(len(active))
+    out = np.full(4, np.nan)
+    if np.linalg.eigvalsh(scaled)[0] > 0.0:
+        out[:] = 0.0
+        out[active] = np.linalg.solve(scaled, m[active, OP] / scale) / scale
+    return out[:OP_GAINS]
 
 
 def explained(rows: Rows, known: Known, gains: Array, place: Place, walk: float) -> float:

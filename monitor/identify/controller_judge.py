@@ -49,7 +49,7 @@ def against(known: Known, found: Estimate, rows: Rows, *, exact: bool = False) -
     for which, declared in ((P, known.kp), (INTEGRAL, known.ki), (D, known.kd)):
         if which == D and not known.derivative:
             continue
-        low, high = found.ends(which, FAR_SD)
+        low, high = found.farthest(which, FAR_SD)
         allowed = slack * max(abs(declared), abs(float(found.gains[which])) if declared == 0 else 0.0)
         shifts: tuple[float, ...] = (0.0,)
         if which == D:

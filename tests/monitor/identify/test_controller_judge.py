@@ -24,7 +24,8 @@ def rows_of(block: Block, **facts: float) -> Rows:
 
 
 def found(kp: float, ki: float, sd: float = 1e-6) -> Estimate:
-    return Estimate(np.array([kp, ki, 0.0, 0.0]), sd * np.array([kp, ki, 0.0]), np.ones(3), NOWHERE, 500)
+    gains = np.array([kp, ki, 0.0, 0.0])
+    return Estimate(gains, sd * gains[:3], gains[:3], NOWHERE, 500)
 
 
 @pytest.mark.parametrize("shift", [-1.0, -0.5, 0.0, 0.5, 1.0])

@@ -14,8 +14,8 @@ from .controller_seen import intervals
 
 WELL_EXPLAINED, FINE, VERY_FINE = 0.98, 0.8, 0.98
 """Shares of OP's levels, and of its moves from row to row, that a law must explain; of moves, with a filter."""
-STRAIGHT_SHARE, MOST_STRAIGHT_SHARE = 1e-9, 0.5
-"""Share of OP's range by which it may bend and still be straight; share of rows from which it was drawn straight."""
+STRAIGHT_SHARE, MOST_STRAIGHT_SHARE = 1e-6, 0.5
+"""Share of its slope by which OP may bend and still be straight; share of rows from which it was drawn straight."""
 LEAST_DELAY_PERIODS = 0.25
 """A filter and a delay together that add less than this are none."""
 FAR_SD = 4.0
@@ -125,7 +125,7 @@ def is_drawn(rows: Rows) -> bool:
     """Whether OP consists of straight lines, as a historian draws them between the values that it kept."""
     moves: Array = np.diff(rows.op)
     moving = moves[1:] != 0
-    straight = np.abs(np.diff(moves)) < STRAIGHT_SHARE * float(np.sum(np.abs(moves)))
+    straight = np.abs(np.diff(moves)) < STRAIGHT_SHARE * np.abs(moves[1:])
     return bool(
         np.count_nonzero(straight & moving) > MOST_STRAIGHT_SHARE * max(int(np.count_nonzero(moving)), 1)
     )

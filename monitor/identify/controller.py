@@ -170,7 +170,7 @@ def _weights_said(case: Case, declared: Known, share: float) -> Controller:
     if not case.known.derivative:
         name = "I-P: no kick at a set-point step" if b == 0.0 else "PI"
     cause = f"OP behaves as with b = {b:g}, c = {c:g} ({name}), the table says {declared.b:.3g} and {declared.c:.3g}"
-    return case.controller(CONTRADICTED, None, NOWHERE, share, cause)
+    return replace(case.controller(CONTRADICTED, None, NOWHERE, share, cause), setpoint_only=True)
 
 
 def _jumps_said(sudden: NDArray[np.intp]) -> str:

@@ -73,6 +73,8 @@ class Controller:
     """[s]"""
     cause: str = ""
     """What is found beside or against the table, in plain words."""
+    setpoint_only: bool = False
+    """Nothing but how the set point acts is other than the table has it: kp, ti and td are the table's."""
 
     @property
     def delay(self) -> float:
@@ -177,8 +179,10 @@ def combined(seen: Sequence[Controller]) -> Controller | None:
         )
     count = {said: sum(c.said == said for c in told) for said in _RANK}
     count[BESIDE] += count[AS_DECLARED] * (count[BESIDE] > 0)  # the same, where the window shows less
-    # a gain that varies shows only where the error crosses its edge
+    # a gain that varies shows only where the error crosses its edge, the set point's weights only where it moves
     said = NOT_LINEAR if count[NOT_LINEAR] else max(_RANK, key=lambda r: count[r])
+    if said in {AS_DECLARED, BESIDE} and any(c.setpoint_only for c in told):
+        said = CONTRADICTED
     own = [c for c in told if c.said == said]
     best = min(own, key=lambda c: _width(c.kp) + _width(c.ti))
     kp, ti, td = (together([getattr(c, name) for c in own]) for name in ("kp", "ti", "td"))

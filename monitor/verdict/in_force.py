@@ -84,6 +84,11 @@ class InForce:
     """End of the last samples that show the settings of today [ns since 1970]."""
     _pieces: list[tuple[EventWindow, int, int]] = field(default_factory=list)
     """Stretches in a row, with their ends [ns since 1970], none of which shows the controller by itself."""
+    _law: str = ""
+    """In what the law is another one, in words: a gain that varies with the error, other set-point weights. Quiet
+    stretches show nothing of it, and do not take it back."""
+    _by_setpoint: bool = False
+    """It is the set point's weights: taken back by a window in which the set point moves as the table has it."""
     _doubt: tuple[Controller, int] | None = None
     """What the last window showed, and its start [ns since 1970], where it was a quiet stretch that says otherwise."""
 
@@ -123,6 +128,8 @@ class InForce:
             found = self._see(window, period)
         if found is None:
             return False
+        if self._is_other_law(found, window):
+            return False
         if self._confirms(found):
             self._doubt = None
         elif not event and (self._doubt is None or differ(self._doubt[0], found)):
@@ -131,9 +138,6 @@ class InForce:
         elif self._doubt is not None:
             start = self._doubt[1] if not differ(self._doubt[0], found) else start
             self._doubt = None
-        if found.said == NOT_LINEAR:
-            self.contradiction = found.cause
-            return False
         if event and not self._by_event and self._loop is not None:
             self._windows, self.seen = [], None  # what quiet stretches showed was a first guess
         if event or not self._by_event or not self._confirms(found):
@@ -142,9 +146,19 @@ class InForce:
             )
             self._by_event = event or (self._by_event and not changed)
         else:  # a stretch confirms what an event has shown better
-            changed, self.contradiction = False, ""
+            changed, self.contradiction = False, self._law
         self._until = max(end, self._until)
         return changed
+
+    def _is_other_law(self, found: Controller, window: EventWindow) -> bool:
+        """Note a law that is none of the table's, whatever its settings; return whether it is one."""
+        if found.said == NOT_LINEAR or found.setpoint_only:
+            self._law = self.contradiction = found.cause
+            self._by_setpoint = found.setpoint_only
+            return True
+        if self._by_setpoint and found.said in {AS_DECLARED, BESIDE} and window.sp.min() < window.sp.max():
+            self._law, self._by_setpoint = "", False
+        return False
 
     def _see(self, window: EventWindow, period: float) -> Controller | None:
         """Return what a window shows of the controller; None where that is not resolved."""
@@ -186,7 +200,7 @@ class InForce:
         if found.said == CONTRADICTED and not self._confirmed:
             self.contradiction = found.cause
             return self._are(found, start)
-        self.contradiction = ""
+        self.contradiction = self._law
         if found.said in {AS_DECLARED, BESIDE}:
             self._confirmed = True
         else:
@@ -195,7 +209,7 @@ class InForce:
 
     def _by_data(self, found: Controller, window: EventWindow, start: int, period: float) -> bool:
         """Take over what a window shows, while the settings of the data are believed."""
-        self.contradiction = ""
+        self.contradiction = self._law
         if self.seen is not None and differ(self.seen, found) and self.table.kp is not None:
             back = see_controller(window, period, self.table)
             if back is not None and back.said in {AS_DECLARED, BESIDE}:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -13,6 +14,7 @@ from monitor.identify.controller_seen import (
     BESIDE,
     CONTRADICTED,
     FOUND,
+    NOT_LINEAR,
     UNRESOLVED,
     Controller,
     Interval,
@@ -72,6 +74,15 @@ def test_a_filter_seen_once_is_not_voted_down_by_windows_that_show_less() -> Non
     found = combined(many)
     assert found is not None
     assert found.said == BESIDE
+
+
+def test_a_law_that_shows_in_few_windows_is_not_voted_down() -> None:
+    many = [seen(2.0, 80.0, said=AS_DECLARED)] * 5
+    weights = replace(seen(2.0, 80.0, said=CONTRADICTED), setpoint_only=True)
+    for other, said in ((seen(9.0, 9.0, said=NOT_LINEAR), NOT_LINEAR), (weights, CONTRADICTED)):
+        found = combined([*many, other])
+        assert found is not None
+        assert found.said == said
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 10), st.floats(0.001, 1)), min_size=1, max_size=6))

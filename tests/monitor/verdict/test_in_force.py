@@ -12,6 +12,7 @@ from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from monitor.detect.event import EventWindow
 from monitor.verdict.in_force import DATA, TABLE, InForce, change_in_words
+from tests.support.controllers import Block, recorded, window_of
 from tests.support.plants import stepped
 from tests.support.runs import run
 
@@ -50,6 +51,31 @@ def test_a_wrong_table_is_contradicted_until_the_data_agree():
     assert "table" in in_force.contradiction
     assert in_force.source == TABLE
     assert looked(in_force, window(), after=1) == [True]
+    assert in_force.contradiction == ""
+
+
+def block_window(block: Block, **facts: float) -> EventWindow:
+    """Return an event of a loop around a block."""
+    return window_of(*recorded(block, noise=0.1, **facts))
+
+
+@pytest.mark.parametrize(
+    ("block", "words"), [(Block(squared=3.0), "square"), (Block(b=0.0, c=0.0), "no kick at a set-point step")]
+)
+def test_another_law_stays_named_where_quiet_stretches_show_nothing_of_it(block: Block, words: str):
+    """Nobody has retuned such a loop, and it is not confirmed by a window in which its table would do as well."""
+    in_force = InForce(Block().facts())
+    quiet = block_window(Block(), step=0.0, load=3.0)
+    assert looked(in_force, block_window(block), quiet, quiet) == [False, False, False]
+    assert words in in_force.contradiction
+    assert in_force.change is None
+    assert in_force.source == TABLE
+
+
+def test_set_point_weights_are_taken_back_where_the_set_point_shows_them():
+    """A step with the kick that the table has."""
+    in_force = InForce(Block().facts())
+    looked(in_force, block_window(Block(b=0.0, c=0.0)), block_window(Block()))
     assert in_force.contradiction == ""
 
 

@@ -195,3 +195,16 @@ def contradictory(fits: list[Fit], joint: Fit) -> bool:
         if abs(math.log(fit.gain / joint.gain)) > max(4.0 * sigma, 0.2):
             return True
     return False
+
+
+SAME_LN, SAME_T0_SHARE = 0.15, 0.25
+"""Difference in ln gain, and of T0 as a share of it, within which two models are the same process."""
+
+
+def same_process(one: Fit, other: Fit) -> bool:
+    """Whether two models of a loop, of one kind, confirm each other: their gains and their T0 are alike."""
+    if one.gain * other.gain <= 0:
+        return False
+    longest = max(one.t0, other.t0)
+    alike = abs(one.t0 - other.t0) <= SAME_T0_SHARE * longest
+    return alike and abs(math.log(one.gain / other.gain)) <= SAME_LN

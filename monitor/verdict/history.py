@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass, field, replace
 
 import msgspec
@@ -17,7 +18,7 @@ from monitor.assess.tuning import current_sensitivity, judge
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, LOAD, RETUNE, SETPOINT, UNDECIDED, LoopRow, Plan
 from monitor.detect.event import EventWindow
-from monitor.identify.fit import Fit, combine, contradictory
+from monitor.identify.fit import Fit, combine, contradictory, same_process
 
 from .in_force import InForce, change_in_words
 from .parts import Tuning, suggested
@@ -129,17 +130,31 @@ class LoopHistory:
         """Findings whose fit may carry a suggestion."""
         return [f for f in self.findings if f.usable]
 
-    def evidence(self) -> Evidence:
-        """Return what the events leave open beside the model."""
+    def evidence(self, joint: Fit) -> Evidence:
+        """Return what the events leave open beside the model that they agree on."""
         newest = self.usable[-1]
         softened = None if self.plan is None or not self.under_way else self.plan.softened
         size = 0.0 if newest.misfit is None else newest.misfit.size
+        others = [f.fit for f in self.usable if f.fit is not None and f.fit.process != joint.process]
+        loads = all(f.record.kind == LOAD for f in self.usable)
         return Evidence(
-            rivals=newest.rivals,
+            rivals=(*(r for r in newest.rivals if r.process != joint.process), *others[-1:]),
             misfit=newest.misfit,
-            loads_only=all(f.record.kind == LOAD for f in self.usable),
+            loads_only=loads and not self._confirmed(joint),
             soft_step=softened is None or size < SHRUNK_SHARE * softened,
         )
+
+    def _confirmed(self, joint: Fit) -> bool:
+        """Whether events under the settings of today and under those before show the same process.
+
+        The shape of a load and an error of the model are not told apart by load steps alone, but what they do to a
+        model depends on the controller: it is another model under other settings (derived).
+        """
+        fits = [[], []]
+        for finding in self.usable:
+            if finding.fit is not None and finding.fit.process == joint.process:
+                fits[finding.record.start >= self.retuned].append(finding.fit)
+        return all(fits) and same_process(combine(fits[0]), combine(fits[1]))
 
 
 def _judge(history: LoopHistory) -> tuple[Tuning, _Standing | None]:
@@ -183,20 +198,21 @@ def _judge(history: LoopHistory) -> tuple[Tuning, _Standing | None]:
 
 
 def _joint(usable: list[Finding]) -> tuple[Fit | None, str]:
-    """Put events into one model; beside it why that is no use, empty where it is. None: they have nothing in common."""
-    fits = [f.fit for f in usable if f.fit is not None]
-    joint = _together(fits)
-    if joint is None:
-        return None, "the events contradict each other in kind of process or sign of gain"
+    """Put events into one model; beside it why that is no use, empty where it is. None: they have nothing in common.
+
+    Of two kinds of process the one that more events show is taken, the newer one of as many: the other one stays a
+    rival that a suggestion has to be safe for.
+    """
+    every = [f.fit for f in usable if f.fit is not None]
+    kinds = Counter(f.process for f in every)
+    most = max(every, key=lambda f: (kinds[f.process], every.index(f))).process
+    fits = [f for f in every if f.process == most]
+    if len({math.copysign(1, f.gain) for f in every}) > 1:
+        return None, "the events contradict each other in the sign of the gain"
+    joint = combine(fits)
     if contradictory(fits, joint):
         return joint, "the events contradict each other: their gains differ beyond chance"
     return joint, ""
-
-
-def _together(fits: list[Fit]) -> Fit | None:
-    """All usable events in one model; None where they do not agree in kind of process and sign of gain."""
-    alike = len({(f.process, math.copysign(1, f.gain)) for f in fits}) == 1
-    return combine(fits) if alike else None
 
 
 def _contradiction(tuning: Tuning, reason: str) -> Tuning:
@@ -225,7 +241,7 @@ def _of_model(history: LoopHistory, tuning: Tuning, joint: Fit) -> Tuning:
 
 def _advise(history: LoopHistory, tuning: Tuning, joint: Fit) -> tuple[Tuning, _Standing | None]:
     """Add a suggestion; the old one is kept while the model stays inside its intervals, and it safe."""
-    loop, evidence = history.loop, history.evidence()
+    loop, evidence = history.loop, history.evidence(joint)
     noise, period = float(np.median([f.noise for f in history.usable])), history.usable[-1].period
     old = history.standing
     if old is not None and _inside(joint, old.fit):

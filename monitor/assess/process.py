@@ -40,6 +40,8 @@ def model_of_event(loop: Loop, event: ClosedEvent) -> Shown:
     fit = shown.fit
     if fit is None or loop.process == "auto" or not shown.decided or is_explained(fit, event):
         return shown
+    if event.kind == LOAD_STEP:  # a load through a lag makes an integrating process look like a self-regulating one
+        return shown
     both = _both_kinds(event)
     other, sure = decide(both, float(event.window.time[-1]))
     if other is None or not sure or other.process == fit.process or not is_explained(other, event):
@@ -60,6 +62,8 @@ def rivals(event: ClosedEvent, shown: Shown) -> tuple[Fit, ...]:
         direct = _both_kinds(event)
     mine = next((f for f in direct if f.process == kind), shown.fit)
     others = [replace(f, extra_delay=shown.fit.extra_delay) for f in direct if f.process != kind]
+    if event.kind == LOAD_STEP:  # likelihoods are those of a load that steps: it may not have
+        return tuple(f for f in others if f.gain * mine.gain > 0 and is_explained(f, event))
     return rivals_of(mine, others)
 
 

@@ -40,7 +40,9 @@ def model_of_event(loop: Loop, event: ClosedEvent) -> Shown:
     fit = shown.fit
     if fit is None or loop.process == "auto" or not shown.decided or is_explained(fit, event):
         return shown
-    if event.kind == LOAD_STEP:  # a load through a lag makes an integrating process look like a self-regulating one
+    if (
+        event.kind == LOAD_STEP
+    ):  # one through a lag makes an integrating process look like a self-regulating one
         return shown
     both = _both_kinds(event)
     other, sure = decide(both, float(event.window.time[-1]))

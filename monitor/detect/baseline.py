@@ -17,6 +17,7 @@ from .constants import (
     RING_SAMPLES,
     SHORT_WEIGHT,
     SNAPSHOT_SAMPLES,
+    TAIL_SHARE,
     TRIGGER_SD,
     WARM_UP_SAMPLES,
 )
@@ -55,8 +56,9 @@ def update_baseline(s, e, pv, op):
     """
     noise, now = s.noise, s.noise.now
     known = noise.n > noise.least_n
+    # without noise the band would be nothing, and the tail of the last event for ever outside
     off = abs(s.last.short_e - now.mean_s) - 0.5 * noise.quantum
-    if known and off > 0.0 and off * off > 25.0 * now.var_s:
+    if known and off > TAIL_SHARE * abs(s.event.amplitude) and off * off > 25.0 * now.var_s:
         _stay_outside(s)
         return
     noise.outside_run = 0
@@ -148,7 +150,7 @@ def load_step_suspected(s):
         return False  # nearly always
     wider = 1.0 + 30.0 / (KNOWN_SAMPLES + SNAPSHOT_SAMPLES * max(noise.snapshots - 2, 0))
     # without noise the band would be nothing: the last event's tail, below its own settling band, is no load
-    least = 0.5 * noise.quantum + 2e-3 * abs(s.event.amplitude) + 1e-9 * abs(s.last.sp)
+    least = 0.5 * noise.quantum + TAIL_SHARE * abs(s.event.amplitude) + 1e-9 * abs(s.last.sp)
     band = TRIGGER_SD * wider * np.sqrt(older.var_s) + least
     return abs(away) > band and (s.setpoint.moves == 0 or s.baseline.n >= RAMP_CALM_SAMPLES)
 

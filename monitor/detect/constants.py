@@ -77,6 +77,8 @@ nothing else ends it. The integrals of a set-point step want all of it, a load's
 STILLER_SD = 1.5
 """Standard deviations of the short average within which a loop comes to rest after an event that show it to be far
 quieter than was thought (the range over a minute is 4 to 5): what was known came from the transient before."""
+TAIL_SHARE = 2e-3
+"""Of the last event's size, below which what is left of it is no load, and no unrest."""
 SPIKE_SD = 5.0
 """Standard deviations by which one sample may pull the short average when quiet: a spike alone does not reach the
 trigger (0.2 x 5 sd of the error are 3 sd of its average)."""

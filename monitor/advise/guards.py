@@ -33,8 +33,10 @@ CROSSOVER_RATIO = 2.0
 """Of the gain crossover in today's: what is excited under today's settings reaches little further."""
 LOADS_GAIN_RATIO = 2.0
 """Of the gain in today's, after load steps alone."""
-EXCITED_RATIO = 4.0
-"""The same where a set-point step excited what lies further up: an error of the model there would have been seen."""
+EXCITED_RATIO, EXCITED_BY_LOADS_RATIO = 4.0, 3.0
+"""The same where a step excited what lies further up: an error of the model there would have been seen."""
+LEAST_LEAD_SHARE = 0.5
+"""Of the derivative time in today's, after load steps alone: to take lead away is a change of the loop, too."""
 ONCE_RATIO = 4.0
 """Of the gain in today's, at once, whatever is known."""
 SOFT_DISTANCE = 0.1
@@ -169,10 +171,11 @@ class Guards:
     def _not_excited(self, many: list[Settings]) -> Flags:
         """Where the crossover goes further up than the events have shown the process."""
         far, misfit = self._beyond(many, CROSSOVER_RATIO), self.evidence.misfit
-        if self.evidence.loads_only or misfit is None or not len(misfit.open_omega) or not np.any(far):
+        if misfit is None or not len(misfit.open_omega) or not np.any(far):
             return far
+        most = EXCITED_BY_LOADS_RATIO if self.evidence.loads_only else EXCITED_RATIO
         room = self._room(many, misfit.open_omega, misfit.open_bound)[:, : len(many)]
-        return far & (self._beyond(many, EXCITED_RATIO) | np.any(room < LEAST_DISTANCE, axis=0))
+        return np.asarray(far & (self._beyond(many, most) | np.any(room < LEAST_DISTANCE, axis=0)))
 
     def _beyond(self, many: list[Settings], ratio: float) -> Flags:
         """Where the gain crossover lies so many times above today's."""
@@ -187,7 +190,8 @@ class Guards:
         """Where more is asked for than load steps alone can show."""
         if self.today is None or not self.evidence.loads_only:
             return np.zeros(len(many), dtype=bool)
-        lead = np.array([float(s.td) > 0 for s in many]) & self.lead_withheld
+        td = np.array([float(s.td) for s in many])
+        lead = (td > 0) & self.lead_withheld | (td < LEAST_LEAD_SHARE * float(self.today.td))
         return np.asarray(self._at_once(many, LOADS_GAIN_RATIO) | lead)
 
     def _at_once(self, many: list[Settings], ratio: float) -> Flags:

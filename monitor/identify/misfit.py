@@ -37,13 +37,13 @@ NYQUIST_SHARE = 0.6
 """Of the fastest mode in the grid's Nyquist frequency."""
 DAMPINGS = np.array([0.02, 0.05, 0.12, 0.3, 0.6])
 """From a resonance to a lag."""
-OPEN_DAMPING = 0.12
+OPEN_DAMPING = 0.05
 """Least damping of a mode that is not seen but might be there."""
 OPEN_SD = 2.0
 """Standard deviations of an error that would not have been seen."""
 CLOSE_STEPS, CLOSE_COUNT, CLOSE_DAMPINGS = 0.8, 9, np.array([0.01, 0.02, 0.05, 0.12])
 """Steps of the grid to either side of the mode that explains most, frequencies there, and dampings."""
-SEEN_CHI = 25.0
+SEEN_CHI = 20.0
 """Power that a mode explains, in variances of the noise, from which it is no chance: 180 modes are tried."""
 ALIKE_SHARE, ALIKE_BROAD_SHARE = 1e-6, 3e-4
 """Share of a mode's power that is left, once the parameters have had their part, below which it is none of its own.
@@ -83,7 +83,7 @@ def model_error(window: EventWindow, fit: Fit, noise: float) -> ModelError:
 
     For each mode of frequency w and damping zeta (derived): ``z1 = w^2/(s^2 + 2 zeta w s + w^2) u``,
     ``z2 = w s/(...) u``, exact for held OP, and ``a = (Z'Z)^-1 Z'r`` of the residuals r, all projected. It is seen
-    where ``chi = a'(Z'Z)a/var > 25``, and the process may differ from its model by ``|a|/(2 zeta)`` and one
+    where ``chi = a'(Z'Z)a/var > 20``, and the process may differ from its model by ``|a|/(2 zeta)`` and one
     standard deviation of that at w. About the mode that explains most, frequencies and dampings are closer.
 
     Parameters

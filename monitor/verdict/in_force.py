@@ -163,7 +163,7 @@ class InForce:
     def _see(self, window: EventWindow, period: float) -> Controller | None:
         """Return what a window shows of the controller; None where that is not resolved."""
         found = see_controller(window, period, self.table if self._loop is None else _bare(self.table))
-        if found is not None and found.said == CONTRADICTED and self._confirmed:
+        if found is not None and found.said == CONTRADICTED and self._confirmed and not found.setpoint_only:
             found = see_controller(
                 window, period, _bare(self.table)
             )  # other settings have to be seen by themselves

@@ -128,6 +128,8 @@ class InForce:
         """
         if self.since is not None and start < self.since:
             window, start = _from(window, start, self.since)  # what lies before shows other settings
+        declared = (self.table.pv_filter or 0.0) + 0.5 * max((self.table.scan or 0.0) - period, 0.0)
+        self.extra_delay = max(self.extra_delay, declared)
         event = window.before < len(window)
         soon = self._confirmed and start - self._until < SOON_PERIODS * period * 1e9
         if len(window) < LEAST_POINTS or (soon and not event):

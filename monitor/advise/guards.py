@@ -52,7 +52,7 @@ CROSSOVER_POINTS = 160
 OTHER_KIND, MISFIT, NOT_EXCITED, LOADS_ALONE, IN_PARTS, NEAR_THE_EDGE = (
     "the events do not exclude the other kind of process",
     "the model leaves more unexplained than noise does",
-    "what was not excited is not known: the gain is at most doubled at a time",
+    "what the events have not excited is not known",
     "after load steps alone no more than twice the gain at a time, and no new derivative",
     "no more than four times the gain at a time",
     "the loop is too close to instability for more gain",

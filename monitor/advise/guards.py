@@ -35,6 +35,8 @@ EXCITED_RATIO = 4.0
 """Of both, where a set-point step excited what lies further up: an error of the model there would have been seen."""
 LOADS_GAIN_RATIO = 2.0
 """Of the gain in today's, after load steps alone."""
+WRONG_RATIO = 4.0
+"""Factor by which a model may be wrong, for a gain and a crossover that lie so far below those of the aim."""
 LEAST_LEAD_SHARE = 0.5
 """Of the derivative time in today's, after load steps alone: to take lead away is a change of the loop, too."""
 ONCE_RATIO = 4.0
@@ -71,6 +73,8 @@ class Guards:
     evidence: Evidence
     most_ms: float
     """Ms of today's settings above which the loop is too close to instability [-]."""
+    aim: Settings | None = None
+    """Where the way leads."""
 
     @classmethod
     def of(cls, loop: Loop, region: Model, evidence: Evidence, period: float) -> Guards:
@@ -169,7 +173,8 @@ class Guards:
 
     def _not_excited(self, many: list[Settings]) -> Flags:
         """Where the crossover goes further up than the events have shown the process."""
-        far = self._beyond(many, CROSSOVER_RATIO) | self._at_once(many, GAIN_RATIO)
+        gain, crossover = self._far_below()
+        far = self._beyond(many, max(CROSSOVER_RATIO, crossover)) | self._at_once(many, max(GAIN_RATIO, gain))
         misfit = self.evidence.misfit
         if self.evidence.loads_only or misfit is None or not len(misfit.open_omega) or not np.any(far):
             return far
@@ -191,7 +196,17 @@ class Guards:
             return np.zeros(len(many), dtype=bool)
         td = np.array([float(s.td) for s in many])
         lead = (td > 0) & self.lead_withheld | (td < LEAST_LEAD_SHARE * float(self.today.td))
-        return np.asarray(self._at_once(many, LOADS_GAIN_RATIO) | lead)
+        return np.asarray(self._at_once(many, max(LOADS_GAIN_RATIO, self._far_below()[0])) | lead)
+
+    def _far_below(self) -> tuple[float, float]:
+        """Return the ratios of gain and crossover, far below the aim, that bear a model which is wrong by a factor."""
+        if self.today is None or self.aim is None:
+            return 0.0, 0.0
+        gain = float(self.aim.kp) / float(self.today.kp)
+        aim, today = crossovers(self.model, [self.aim, self.today])
+        ratios = gain, aim / today if today > 0.0 else gain
+        gain, crossover = (min(ratio / WRONG_RATIO, EXCITED_RATIO) for ratio in ratios)
+        return gain, crossover
 
     def _at_once(self, many: list[Settings], ratio: float) -> Flags:
         """Where the gain is so many times today's."""

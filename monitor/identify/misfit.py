@@ -50,8 +50,8 @@ ALIKE_SHARE, ALIKE_BROAD_SHARE = 1e-6, 3e-4
 Little is left of one that rings, for most of its power is its gain at rest; one that does not ring is then a lag."""
 BROAD_DAMPING = 0.3
 """From which a mode hardly rings."""
-LEAST_POWER_SHARE = 1e-14
-"""Least noise that is reckoned with, as a share of PV's power."""
+LEAST_NOISE_SHARE = 0.007
+"""Least noise that is reckoned with, as a share of PV's range: a model of few lags is no closer to many."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -102,7 +102,7 @@ def model_error(window: EventWindow, fit: Fit, noise: float) -> ModelError:
     fastest = NYQUIST_SHARE * math.pi / cells.step
     slowest = 2.0 * math.pi * LEAST_CYCLES / (n * cells.step)
     grid = np.geomspace(slowest, fastest, FREQUENCY_COUNT)
-    least = noise * noise / cells.each + LEAST_POWER_SHARE * cells.power
+    least = max(noise, LEAST_NOISE_SHARE * float(np.ptp(window.pv))) ** 2 / cells.each
     found = _regressed(cells, grid, DAMPINGS, least)
     seen = found.alone & (found.chi > SEEN_CHI)
     unseen = found.alone & ~seen & (found.damping >= OPEN_DAMPING)
@@ -174,8 +174,6 @@ class _Cells(NamedTuple):
     """(n,) mean, projected [PV]."""
     basis: Array
     """(n, p) orthonormal: what parameters explain."""
-    power: float
-    """Mean square of PV's movement [PV^2]."""
 
 
 def _cells(window: EventWindow, fit: Fit) -> _Cells | None:
@@ -208,7 +206,7 @@ def _cells(window: EventWindow, fit: Fit) -> _Cells | None:
     basis = _orthonormal(np.column_stack(parts))
     r = r - basis @ (basis.T @ r)
     op = np.ascontiguousarray(np.mean(held.reshape(n, each), axis=1))
-    return _Cells(each * fine, each, op, r, basis, float(np.var(window.pv)))
+    return _Cells(each * fine, each, op, r, basis)
 
 
 def _orthonormal(columns: Array) -> Array:

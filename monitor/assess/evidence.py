@@ -109,7 +109,7 @@ def coverage(event: ClosedEvent) -> float:
 def by_integrals(event: ClosedEvent, fit: Fit | None) -> tuple[float | None, float | None]:
     """Gain and T0 by the running integrals, where they hold: an integrator, settled, from a quiet start."""
     quiet = event.state == SETTLED and event.quiet and event.kind == SETPOINT_STEP
-    if fit is None or fit.process != INTEGRATING or not quiet:
+    if fit is None or fit.process != INTEGRATING or not quiet or fit.other is not None:
         return None, None
     gain, t0 = setpoint_integrals(event.amplitude, event.s1, event.s2, event.y1)
     return (gain, t0) if math.isfinite(gain) else (None, None)
@@ -157,6 +157,8 @@ def _against_fit(loop: Loop, event: ClosedEvent, fit: Fit, decided: bool) -> lis
     if not is_explained(fit, event):
         why = ", and ".join(filter(None, ["something else moved it", swinging(event)]))
         reasons.append(f"a model explains only {fit.quality:.0%} of PV's movement: {why}")
+    elif fit.other is not None and fit.size is None and (swings := swinging(event)):
+        reasons.append(f"a load beside the step would explain PV's movement, but {swings}")
     if fit.process == SELF_REGULATING and fit.t0 < LEAST_T0_PERIODS * event.period:
         reasons.append(
             f"sampled too coarsely: T0 = {fit.t0:.3g} s cannot be seen with a sample period of {event.period:.3g} s"

@@ -17,9 +17,6 @@ from tuners.models import INTEGRATING, SELF_REGULATING
 from .evidence import NOISY_RANGE_SHARE, is_explained
 from .reference import settings_of
 
-LIKELY_LOAD_RATIO = 2.0
-"""Of the residuals in those of the model believed, up to which the other kind of process may be right after a load."""
-
 
 class Shown(NamedTuple):
     """What an event shows of the process."""
@@ -61,15 +58,15 @@ def rivals(event: ClosedEvent, shown: Shown) -> tuple[Fit, ...]:
         return ()
     kind, direct = shown.fit.process, shown.direct
     if len(direct) == 1 and kind == SELF_REGULATING:  # its likelihood is that of a model with two lags, too
-        other = fit_window(event.window, INTEGRATING, event.kind == LOAD_STEP, event.period, compared=True)
+        load, shaped = event.kind == LOAD_STEP, shown.fit.other is not None
+        other = fit_window(event.window, INTEGRATING, load, event.period, compared=True, other_loads=shaped)
         direct = [*direct, *([] if other is None else [other])]
     elif len(direct) == 1:
         direct = _both_kinds(event)
     mine = next((f for f in direct if f.process == kind), shown.fit)
     others = [replace(f, extra_delay=shown.fit.extra_delay) for f in direct if f.process != kind]
     if event.kind == LOAD_STEP:  # likelihoods are those of a load that steps: it may not have
-        likely = [f for f in others if f.gain * mine.gain > 0 and f.sigma <= LIKELY_LOAD_RATIO * mine.sigma]
-        return tuple(f for f in likely if is_explained(f, event))
+        return tuple(f for f in others if f.gain * mine.gain > 0 and is_explained(f, event))
     return rivals_of(mine, others)
 
 
@@ -92,7 +89,7 @@ def _identify(loop: Loop, event: ClosedEvent) -> Shown:
     best, decided = decide(direct, span)
     settings = settings_of(loop)
     noisy = best is not None and best.sigma >= NOISY_RANGE_SHARE * float(np.ptp(window.pv))
-    if best is None or load or settings is None or not noisy:
+    if best is None or load or settings is None or not noisy or best.other is not None:
         return Shown(best, decided, "", direct)
     if op_explained(window, settings, period) < LEAST_OP_EXPLAINED:
         return Shown(best, decided, "", direct)

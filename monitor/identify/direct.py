@@ -19,13 +19,15 @@ import numpy as np
 
 from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
-from tuners.models import INTEGRATING
+from tuners.models import INTEGRATING, SELF_REGULATING
 
-from .fit import ALIKE_DEAD_TIMES, DECIDES_LN, SIMPLER_LN, Fit, Valley, better_by
-from .projection import P_DEAD_TIME, P_LAG, P_ONSET, P_SHARE, evaluate, slopes
-from .response import load_response, response
+from .fit import ALIKE_DEAD_TIMES, DECIDES_LN, SIMPLER_LN, Fit, Load, Valley, better_by
+from .other_loads import leaves_more, with_other_load
+from .projection import P_DEAD_TIME, P_LAG, P_ONSET, P_SHARE, P_WIDTH, evaluate, slopes
+from .response import LAG, STEP, load_of_shape, response
 from .search import descend, search, walk
 from .uncertainty import (
+    OTHER_LOAD_FLOOR_RATIOS,
     SECOND_LAG_SHARE,
     across_valley,
     correlation_time,
@@ -33,6 +35,8 @@ from .uncertainty import (
     covariance_of_lost_samples,
     half_rule,
     node_weights,
+    of_loads_lag,
+    of_second_lag,
     shrunk_variance,
     tangent_scatter,
     with_uncertainty,
@@ -50,18 +54,36 @@ def fit_kinds(
 ) -> list[Fit]:
     """Fit the kinds of process that a loop may be, as `fit_window` does one; what cannot be fitted is left out.
 
-    Where both are asked for, their likelihoods can be compared: both are of models with two lags.
+    Where both are asked for, their likelihoods can be compared: both are of models with two lags. Where no kind
+    explains the window with a step of the load, or without one, a load of another shape is looked for in all of them:
+    it would explain the wrong kind of process as well. After a set-point step, where a load beside it would be chance,
+    the other kind must not explain it either; loads are seldom steps.
     """
+    fits = _fit_all(window, kinds, load, period, other_loads=False)
+    if not fits or not all(fit.leaves_more for fit in fits):
+        return fits
+    if len(kinds) == 1 and not load:
+        other = SELF_REGULATING if kinds[0] == INTEGRATING else INTEGRATING
+        fit = fit_window(window, other, load, period)
+        if fit is not None and not fit.leaves_more:
+            return fits
+    return _fit_all(window, kinds, load, period, other_loads=True)
+
+
+def _fit_all(
+    window: EventWindow, kinds: list[str], load: bool, period: float | None, other_loads: bool
+) -> list[Fit]:
     fits: list[Fit] = []
     for kind in kinds:
-        fit = fit_window(window, kind, load, period, len(kinds) > 1, fits[0] if fits else None)
+        rival = fits[0] if fits else None
+        fit = fit_window(window, kind, load, period, len(kinds) > 1, rival, other_loads)
         fits += [] if fit is None else [fit]
     return fits
 
 
 def fit_window(
     window: EventWindow, process: str, load: bool = False, period: float | None = None,
-    compared: bool = False, rival: Fit | None = None,
+    compared: bool = False, rival: Fit | None = None, other_loads: bool = False,
 ) -> Fit | None:  # fmt: skip
     """Fit the half-rule model of one kind of process to a window.
 
@@ -81,6 +103,8 @@ def fit_window(
     rival
         An integrating model of the window: where it is not beaten, a self-regulating one's uncertainty is only
         told roughly.
+    other_loads
+        A load of another shape may be found.
 
     Returns
     -------
@@ -91,26 +115,41 @@ def fit_window(
         return None
     two_lags = compared or process != INTEGRATING
     w = search_window(window, process, load, period, two_lags)
-    found = _explain(w, two_lags, rival) if w.shows else None
+    found = _explain(w, two_lags, rival, other_loads) if w.shows else None
     if found is None:
         return None
     best, p = found.best, found.best.p
     model = (best.gain, float(p[P_LAG]), float(p[P_DEAD_TIME]), float(p[P_LAG] * p[P_SHARE]))
     fit = with_uncertainty(process, model, window.time, w.pv, found.residual, best.scatter, period)
     fit = replace(fit, log_likelihood=found.log_likelihood, n_eff=found.n_eff, valley=best.valley)
+    fit = replace(fit, leaves_more=found.leaves_more)
+    if found.other is not None:
+        fit = replace(fit, other=found.other, floor=fit.floor * OTHER_LOAD_FLOOR_RATIOS)
     return replace(fit, size=best.load / best.gain, onset=float(p[P_ONSET])) if load else fit
 
 
 def model_response(window: EventWindow, fit: Fit) -> Array:
     """PV as the model gives it from the window's OP, offset (and slope, if integrating) fitted; (n,) [PV]."""
-    load = fit.size is not None and fit.onset is not None
-    t, u = window.time, op_from_rest(window, load)
-    kind = 0 if fit.process == INTEGRATING else 1
-    x = fit.gain * response(t, u, kind, fit.dead_time, fit.lag, fit.lag2)
-    if fit.size is not None and fit.onset is not None:
-        x = x + fit.size * load_response(t - fit.onset, kind, fit.gain, fit.dead_time, fit.lag, fit.lag2)
+    t, kind = window.time, 0 if fit.process == INTEGRATING else 1
+    x = np.sum(parts_of_pv(window, fit), axis=0)
     rest = np.polynomial.polynomial.polyfit(t, window.pv - x, 1 if kind == 0 else 0)
     return np.asarray(x + np.polynomial.polynomial.polyval(t, rest), dtype=np.float64)
+
+
+def parts_of_pv(window: EventWindow, fit: Fit) -> list[Array]:
+    """Return what OP and, where there is one, the load do to PV by a model; each (n,) [PV]."""
+    t = np.ascontiguousarray(window.time)
+    times = fit.dead_time, fit.lag, fit.lag2
+    kind = 0 if fit.process == INTEGRATING else 1
+    parts = [fit.gain * response(t, op_from_rest(window, fit.size is not None), kind, *times)]
+    load = fit.other
+    if load is None and fit.size is not None and fit.onset is not None:
+        load = Load(fit.size, fit.onset, 0.0, STEP)
+    if load is not None:
+        parts.append(
+            load.size * load_of_shape(t - load.onset, kind, fit.gain, *times, load.width, load.shape)
+        )
+    return parts
 
 
 class _Optimum(NamedTuple):
@@ -136,11 +175,19 @@ class _Found:
     """-n_eff/2 ln(residual variance) of the best model with two lags."""
     n_eff: float
     """Independent points, of which that likelihood is."""
+    other: Load | None
+    leaves_more: bool
 
 
-def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None) -> _Found | None:
+def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None, other_loads: bool) -> _Found | None:
     """Find the model of a window and its reach; None where OP explains nothing of PV."""
     best, single = search(w.blocks, two_lags)
+    mine = best if two_lags else single
+    more = leaves_more(w, mine)
+    other = with_other_load(w, mine, EVERY if two_lags else SINGLE) if more and other_loads else None
+    if other is not None:
+        w, best = other.window, other.p
+        single = best
     rest = np.empty(len(w.blocks.at))
     gain, _, rss = evaluate(w.blocks, best, rest)
     if not math.isfinite(rss) or not math.isfinite(gain) or gain == 0.0:
@@ -163,7 +210,14 @@ def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None) -> _Found | Non
     lost = covariance_of_lost_samples(w, found.p, found.gain, found.load)
     valley = None if found.valley is None else replace(found.valley, across=found.valley.across + lost)
     found = found._replace(scatter=found.scatter + lost, valley=valley)
-    return _Found(found, residual, likelihood, n_eff) if np.isfinite(found.scatter).all() else None
+    if other is not None:
+        valley = None if valley is None else replace(valley, across=valley.across + other.spread)
+        found = found._replace(scatter=found.scatter + other.spread, valley=valley)
+    p, shape, load = found.p, w.points.shape, found.load / found.gain
+    shaped = None if shape == STEP else Load(load, float(p[P_ONSET]), float(p[P_WIDTH]), shape)
+    if not np.isfinite(found.scatter).all():
+        return None
+    return _Found(found, residual, likelihood, n_eff, shaped, more)
 
 
 def _not_believed(w: SearchWindow, p: Array, better: float) -> bool:
@@ -179,7 +233,7 @@ def _one_lag(w: SearchWindow, start: Array) -> _Optimum:
     starts = [start]
     if start[P_LAG] < 0.1 * start[P_DEAD_TIME]:  # a lag of a block's length or less is not seen in blocks
         starts.append(
-            np.array([0.75, 0.25, 0.0, 0.0]) * (start[P_LAG] + start[P_DEAD_TIME])
+            np.array([0.75, 0.25, 0.0, 0.0, 0.0]) * (start[P_LAG] + start[P_DEAD_TIME])
             + np.array([0, 0, *start[2:]])
         )
     tried = [descend(w.points, s, w.free(SINGLE), 0.0, 20, 1e-7) for s in starts]
@@ -189,7 +243,13 @@ def _one_lag(w: SearchWindow, start: Array) -> _Optimum:
     tangents = slopes(w.points, p, gain, load)
     t = w.points.at
     step = float(t[-1] - t[0]) / len(t)
-    scatter = tangent_scatter(residual, tangents[:, w.of_one_lag], float(p[P_DEAD_TIME] + p[P_LAG]), step)
+    t0 = float(p[P_DEAD_TIME] + p[P_LAG])
+    columns = tangents[:, w.of_one_lag]
+    if w.points.shape != STEP:
+        columns[:, 3] = of_second_lag(w, p, gain, load)
+    elif w.kind >= 2:
+        columns = np.insert(columns, 3, of_loads_lag(w.points, w.with_load(LAG).points, p, load), axis=1)
+    scatter = tangent_scatter(residual, columns, t0, step, w.kind >= 2)
     return _Optimum(p, gain, load, scatter, None)
 
 
@@ -210,13 +270,13 @@ def _two_lags(w: SearchWindow, start: Array, noise: float) -> _Optimum:
     nodes = nodes[np.argsort(nodes[:, P_DEAD_TIME])]
     weight = node_weights(nodes[:, P_DEAD_TIME], nodes[:, -1])
     middle = max(float(weight @ nodes[:, P_DEAD_TIME] + best[P_DEAD_TIME] - start[P_DEAD_TIME]), 0.0)
-    near = nodes[np.argmin(np.abs(nodes[:, P_DEAD_TIME] - middle)), :4].copy()
+    near = nodes[np.argmin(np.abs(nodes[:, P_DEAD_TIME] - middle)), :5].copy()
     near[P_DEAD_TIME] = middle
     p, gain, load, _, _ = descend(w.points, near, w.free(BESIDE), prior * len(t) / len(w.blocks.at), 10, 1e-5)
-    away = half_rule(nodes, nodes[:, 4]) - half_rule(p[None], np.array([gain]))
+    away = half_rule(nodes, nodes[:, 5]) - half_rule(p[None], np.array([gain]))
     across = across_valley(cov)
     models = np.column_stack(
-        [nodes[:, 4], nodes[:, P_LAG], nodes[:, P_DEAD_TIME], nodes[:, P_LAG] * nodes[:, P_SHARE]]
+        [nodes[:, 5], nodes[:, P_LAG], nodes[:, P_DEAD_TIME], nodes[:, P_LAG] * nodes[:, P_SHARE]]
     )
     valley = Valley(models, 2.0 * (nodes[:, -1].max() - nodes[:, -1]), across)
     along = shrunk_variance(nodes[:, P_DEAD_TIME], middle, weight) * (away.T * weight) @ away

@@ -37,6 +37,20 @@ class Valley:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class Load:
+    """A load at the process input that is no step at the event's begin."""
+
+    size: float
+    """[OP]"""
+    onset: float
+    """From the window's time zero [s]."""
+    width: float
+    """Time within which it comes [s]."""
+    shape: int
+    """`RAMP` or `LAG` of `response`."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Fit:
     """A half-rule model with its uncertainty."""
 
@@ -65,6 +79,10 @@ class Fit:
     """Size Ad of the load step at the process input [OP]; None for a set-point step."""
     onset: float | None = None
     """When the load stepped, from the window's time zero [s]."""
+    other: Load | None = None
+    """The load as it came, where that was not at once; of a set-point step: one that came beside it."""
+    leaves_more: bool = False
+    """More is left of PV than the noise before the event, or was, before a load of another shape was found."""
     valley: Valley | None = None
     """Where no covariance describes the models that the data allow: of a self-regulating process."""
     method: str = DIRECT

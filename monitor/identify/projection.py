@@ -9,9 +9,9 @@ import numpy as np
 from monitor.compiled import jit
 from monitor.contract.samples import Array
 
-from .response import load_response, response_at
+from .response import STEP, load_of_shape, load_response, response_at
 
-P_DEAD_TIME, P_LAG, P_SHARE, P_ONSET = range(4)
+P_DEAD_TIME, P_LAG, P_SHARE, P_ONSET, P_WIDTH = range(5)
 """Places of the parameters."""
 MOST_SHARE = 0.99
 """Of the second lag in the first; partial fractions need two different lags."""
@@ -29,19 +29,23 @@ class Columns(NamedTuple):
     held: Array
     """(k,) OP from rest [OP]."""
     pv: Array
-    """(m,) PV, mean (and, integrating, slope) taken out [PV]."""
+    """(m,) PV, mean (and slope) taken out [PV]."""
     kind: int
-    """0 for an integrating, 1 for a self-regulating process under a set-point step; 2 and 3 under a load step."""
+    """0 for an integrating, 1 for a self-regulating process under a set-point step; 2 and 3 with a load."""
     high: Array
-    """(4,) upper bounds of the parameters."""
+    """(5,) upper bounds of the parameters."""
+    shape: int
+    """How a load comes, within the last of the parameters."""
+    sloped: bool
+    """A slope goes with the mean: a load that OP did not balance before the event."""
 
 
 @jit
-def project(x, t, kind):
-    """Take mean (and, integrating, slope) out of a column, in place: c0 and c1 need no search."""
+def project(x, t, sloped):
+    """Take mean (and slope) out of a column, in place: c0 and c1 need no search."""
     n = len(x)
     x -= x.mean()
-    if kind == 0:
+    if sloped:
         middle = t.mean()
         top = bottom = 0.0
         for i in range(n):
@@ -58,12 +62,12 @@ def unit_responses(w, p):
     """Return what OP and what a load step of one unit do to PV, gain 1, projected; the latter empty without one."""
     lag2 = p[P_SHARE] * p[P_LAG]
     kind = w.kind % 2
-    x = project(response_at(w.at, w.since, w.held, kind, p[P_DEAD_TIME], p[P_LAG], lag2), w.at, w.kind)
+    x = project(response_at(w.at, w.since, w.held, kind, p[P_DEAD_TIME], p[P_LAG], lag2), w.at, w.sloped)
     if w.kind < 2:
         return x, np.zeros(0)
-    return x, project(
-        load_response(w.at - p[P_ONSET], kind, 1.0, p[P_DEAD_TIME], p[P_LAG], lag2), w.at, w.kind
-    )
+    age = w.at - p[P_ONSET]
+    load = load_of_shape(age, kind, 1.0, p[P_DEAD_TIME], p[P_LAG], lag2, p[P_WIDTH], w.shape)
+    return x, project(load, w.at, w.sloped)
 
 
 @jit
@@ -122,30 +126,35 @@ def blocks(t, u, y, most):
 def slopes(w, p, gain, load):
     """PV's change per unit of ln gain, lag, second lag, dead time [s], and for a load its onset [s] and ln size.
 
-    Secants of 5 % of T0: at lags of zero the tangents of lags and dead time coincide. All is projected.
+    For a load that is no step also per unit of its width [s]. Secants of 5 % of T0: at lags of zero the tangents of
+    lags and dead time coincide. All is projected.
     """
-    lags = np.array([p[P_LAG], p[P_SHARE] * p[P_LAG], p[P_DEAD_TIME], p[P_ONSET]])
+    lags = np.array([p[P_LAG], p[P_SHARE] * p[P_LAG], p[P_DEAD_TIME], p[P_ONSET], p[P_WIDTH]])
     at = w.at
     step = 0.05 * (lags[0] + lags[1] + lags[2]) + 0.05 * (at[-1] - at[0]) / len(at)
-    m = 6 if w.kind >= 2 else 4
+    load_moves = w.kind >= 2
+    m = 4 if not load_moves else 6 if w.shape == STEP else 7
     out = np.zeros((len(at), m))
-    for k in range(1, min(m, 5)):
+    for c in range(1, 6):
+        k = c if c < 5 else 6
+        if k >= m:
+            break
         ahead, behind = lags.copy(), lags.copy()
-        ahead[k - 1] += step
-        behind[k - 1] -= step
-        if k < 4:
-            behind[k - 1] = max(behind[k - 1], 0.0)
+        ahead[c - 1] += step
+        behind[c - 1] -= step
+        if c != 4:
+            behind[c - 1] = max(behind[c - 1], 0.0)
         for side, v in ((1.0, ahead), (-1.0, behind)):
             share = min(v[0], v[1]) / max(v[0], v[1]) if v[0] + v[1] > 0.0 else 0.0
-            x, g = unit_responses(w, np.array([v[2], max(v[0], v[1]), share, v[3]]))
+            x, g = unit_responses(w, np.array([v[2], max(v[0], v[1]), share, v[3], v[4]]))
             for i in range(len(at)):
-                out[i, k] += side * gain * x[i] / (ahead[k - 1] - behind[k - 1])
-                if m == 6:
-                    out[i, k] += side * load * g[i] / (ahead[k - 1] - behind[k - 1])
+                out[i, k] += side * gain * x[i] / (ahead[c - 1] - behind[c - 1])
+                if load_moves:
+                    out[i, k] += side * load * g[i] / (ahead[c - 1] - behind[c - 1])
     x, g = unit_responses(w, p)
     for i in range(len(at)):
         out[i, 0] = gain * x[i]
-        if m == 6:
+        if load_moves:
             out[i, 0] += load * g[i]
             out[i, 5] = load * g[i]
     return out

@@ -9,6 +9,11 @@ import numpy as np
 
 from monitor.compiled import jit
 
+STEP, RAMP, LAG = range(3)
+"""How a load comes: at once, evenly within a time, or through a lag."""
+LEAST_WIDTH_SHARE = 1e-6
+"""Share of the window that a load takes to come below which it is a step."""
+
 
 @jit
 def _lagged(t, u, tau):
@@ -103,6 +108,79 @@ def load_response(age, kind, gain, dead_time, lag, lag2):
         shown = w1 * (1.0 - e1) - w2 * (1.0 - e2)
         y[k] = gain * (h - shown if kind == 0 else shown)
     return y
+
+
+@jit
+def _ramp_integral(h, kind, lag, lag2, w1, w2):
+    """Integral of the unit load response up to this age, dead time taken off; `_shares` are those of the lags."""
+    if h <= 0.0:
+        return 0.0
+    y = w1 * (h - lag * (1.0 - np.exp(-h / lag))) if lag > 0.0 else w1 * h
+    if lag2 > 0.0:
+        y -= w2 * (h - lag2 * (1.0 - np.exp(-h / lag2)))
+    return 0.5 * h * h - y if kind == 0 else y
+
+
+@jit
+def ramp_response(age, kind, gain, dead_time, lag, lag2, width):
+    """Response of PV at these ages of a load that rises evenly to one unit of OP within ``width`` [s]."""
+    y = np.zeros(len(age))
+    lag2, w1, w2 = _shares(kind, lag, lag2)
+    for k in range(len(age)):
+        h = age[k] - dead_time
+        if h > 0.0:
+            now, before = (
+                _ramp_integral(h, kind, lag, lag2, w1, w2),
+                _ramp_integral(h - width, kind, lag, lag2, w1, w2),
+            )
+            y[k] = gain * (now - before) / width
+    return y
+
+
+@jit
+def lagged_load_response(age, kind, gain, dead_time, lag, lag2, width):
+    """Response of PV at these ages of a load that comes to one unit of OP through a lag of ``width`` [s].
+
+    By partial fractions of all lags ``tau_i``: ``h - sum tau_i + sum a_i e^(-h/tau_i)``, integrating, with ``a_i =
+    tau_i^m / prod_j (tau_i - tau_j)``; ``1 - sum a_i/tau_i e^(-h/tau_i)``, self-regulating.
+    """
+    y = np.zeros(len(age))
+    taus = np.array([lag, lag2, width])
+    least = 1e-9 * width
+    n, total = 0, 0.0
+    tau, a = np.zeros(3), np.ones(3)
+    for k in range(3):
+        value = taus[k]
+        if value <= least:
+            continue
+        for j in range(n):
+            if abs(value - tau[j]) < 1e-3 * tau[j]:
+                value = tau[j] * (1.0 + 1e-3 * (k + 1))
+        tau[n] = value
+        total += value
+        n += 1
+    for i in range(n):
+        for j in range(n):
+            a[i] *= tau[i] / (tau[i] - tau[j]) if j != i else tau[i]
+    for k in range(len(age)):
+        h = age[k] - dead_time
+        if h <= 0.0:
+            continue
+        shown = 0.0
+        for i in range(n):
+            shown += np.exp(-h / tau[i]) * (a[i] if kind == 0 else -a[i] / tau[i])
+        y[k] = gain * (h - total + shown if kind == 0 else 1.0 + shown)
+    return y
+
+
+@jit
+def load_of_shape(age, kind, gain, dead_time, lag, lag2, width, shape):
+    """Response of PV at these ages of a load of one unit of OP that comes as one of `STEP`, `RAMP`, `LAG`."""
+    if shape == STEP or width <= LEAST_WIDTH_SHARE * (age[-1] - age[0]):
+        return load_response(age, kind, gain, dead_time, lag, lag2)
+    if shape == RAMP:
+        return ramp_response(age, kind, gain, dead_time, lag, lag2, width)
+    return lagged_load_response(age, kind, gain, dead_time, lag, lag2, width)
 
 
 @jit

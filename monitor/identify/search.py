@@ -1,7 +1,8 @@
 """The compiled part of a fit: the search for a model's parameters.
 
 ``w`` is a window's `Columns`. A model's parameters are ``p = (dead time [s], lag [s], second lag as a share of the
-first, time of the load step [s])``; gain, load size and rest follow linearly (variable projection, Golub &
+first, time of the load [s], time
+within which it comes [s])``; gain, load size and rest follow linearly (variable projection, Golub &
 Pereyra 1973). Types are inferred by numba.
 """
 
@@ -11,7 +12,18 @@ import numpy as np
 
 from monitor.compiled import jit
 
-from .projection import MOST_SHARE, P_DEAD_TIME, P_LAG, P_ONSET, P_SHARE, Columns, evaluate, project
+from .projection import (
+    MOST_SHARE,
+    P_DEAD_TIME,
+    P_LAG,
+    P_ONSET,
+    P_SHARE,
+    P_WIDTH,
+    Columns,
+    evaluate,
+    project,
+)
+from .response import STEP
 
 DEAD_TIME_NODES = 6
 """Dead times, from that of the best single lag down to nothing, from which the best model is looked for."""
@@ -97,7 +109,7 @@ def descend(w, start, free, weight, steps, close):
     p, r, trial = start.copy(), np.empty(len(at)), np.empty(len(at))
     gain, load, rss = evaluate(w, p, r)
     cost = rss + weight * p[P_SHARE] ** 2
-    a, b, which = np.zeros((4, 4)), np.zeros(4), np.zeros(4, dtype=np.int64)
+    a, b, which = np.zeros((5, 5)), np.zeros(5), np.zeros(5, dtype=np.int64)
     damping = 1e-3
     for _ in range(steps):
         m = _normal(w, p, r, free, weight, a, b, which)
@@ -113,7 +125,7 @@ def descend(w, start, free, weight, steps, close):
             for c in range(m):
                 f = which[c]
                 # towards no lag by degrees: from there all slopes towards a lag are 0, and no way leads out
-                low = at[0] if f == P_ONSET else 0.3 * p[f] if f == P_LAG else 0.0
+                low = at[0] if f == P_ONSET else 0.3 * p[f] if f in (P_LAG, P_WIDTH) else 0.0
                 q[f] = min(max(p[f] + x[c], low), high[f])
             found = evaluate(w, q, trial)
             value = found[2] + weight * q[P_SHARE] ** 2
@@ -135,7 +147,7 @@ def _coarse(w, step, many):
     at, high = w.at, w.high
     r = np.empty(len(at))
     onsets, starts = (6, 3) if w.kind >= 2 else (1, 0)
-    best, least = np.array([0.0, step, 0.0, 0.0]), np.inf
+    best, least = np.array([0.0, step, 0.0, 0.0, 0.0]), np.inf
     p = best.copy()
     for a in range(many):
         p[P_DEAD_TIME] = 0.0 if a == 0 else step * (0.5 * w.since[-1] / step) ** ((a - 1) / (many - 1))
@@ -155,13 +167,30 @@ def _coarse(w, step, many):
 
 
 @jit
+def best_of_grid(w, dead_times, lags, onsets, widths):
+    """Best models with one lag and a load of the columns' shape, of a grid, for each onset: (onsets, 6) p, rss."""
+    r = np.empty(len(w.at))
+    p = np.zeros(5)
+    out = np.full((len(onsets), 6), np.inf)
+    for dead_time in dead_times:
+        for lag in lags:
+            for k in range(len(onsets)):
+                for width in widths:
+                    p[P_DEAD_TIME], p[P_LAG], p[P_ONSET], p[P_WIDTH] = dead_time, lag, onsets[k], width
+                    rss = evaluate(w, p, r)[2]
+                    if rss < out[k, 5]:
+                        out[k, :5], out[k, 5] = p, rss
+    return out
+
+
+@jit
 def moved(w, p, dead_time):
     """Where to look for the best model at another dead time: what it loses, onset and second lag take up."""
     q = p.copy()
     less = p[P_DEAD_TIME] - dead_time
     q[P_DEAD_TIME] = dead_time
     if w.kind >= 2:
-        q[P_ONSET] = min(max(p[P_ONSET] + 0.9 * less, w.at[0]), 0.0)
+        q[P_ONSET] = min(max(p[P_ONSET] + 0.9 * less, w.at[0]), w.high[P_ONSET])
     q[P_SHARE] = min(
         max(p[P_SHARE] + 0.7 * less / max(p[P_LAG], 1e-9 * w.high[P_LAG]), 0.005), MOST_SHARE - 0.01
     )
@@ -186,8 +215,8 @@ def search(w, second):
     )
     thin = max(len(at) // 100, 1)
     few = at[::thin].copy()
-    pv = project(w.pv[::thin].copy(), few, w.kind)
-    thinned = Columns(few, w.since, w.held, pv, w.kind, w.high)
+    pv = project(w.pv[::thin].copy(), few, w.sloped)
+    thinned = Columns(few, w.since, w.held, pv, w.kind, w.high, w.shape, w.sloped)
     many = 6 if with_onset else 10
     p = _coarse(thinned, (few[-1] - few[0]) / len(few), many)
     p, _, _, least, _ = descend(w, p, single, 0.0, 20, 1e-5)
@@ -218,7 +247,7 @@ def search(w, second):
 
 @jit
 def walk(w, start, stride, weight, scale):
-    """Walk along the valley, to less and to more dead time, until it is left: (n, 7) p, gain, load, likelihood.
+    """Walk along the valley, to less and to more dead time, until it is left: (n, 8) p, gain, load, likelihood.
 
     Parameters
     ----------
@@ -231,10 +260,16 @@ def walk(w, start, stride, weight, scale):
     scale
         Log-likelihood per unit of the residual sum of squares.
     """
-    beside = np.array([P_LAG, P_SHARE, P_ONSET]) if w.kind >= 2 else np.array([P_LAG, P_SHARE])
-    out = np.empty((17, 7))
+    beside = (
+        np.array([P_LAG, P_SHARE])
+        if w.kind < 2
+        else np.array([P_LAG, P_SHARE, P_ONSET])
+        if w.shape == STEP
+        else np.array([P_LAG, P_SHARE, P_ONSET, P_WIDTH])
+    )
+    out = np.empty((17, 8))
     p0, gain, load, _, cost0 = descend(w, start, beside, weight, 1, 1e-4)
-    out[0, :4], out[0, 4], out[0, 5], out[0, 6] = p0, gain, load, -scale * cost0
+    out[0, :5], out[0, 5], out[0, 6], out[0, 7] = p0, gain, load, -scale * cost0
     n = 1
     for side in (-1.0, 1.0):
         p, step, last, best = p0.copy(), stride, -scale * cost0, -scale * cost0
@@ -251,7 +286,7 @@ def walk(w, start, stride, weight, scale):
                     q, gain, load, _, cost = other
             p = q
             now = -scale * cost
-            out[n, :4], out[n, 4], out[n, 5], out[n, 6] = p, gain, load, now
+            out[n, :5], out[n, 5], out[n, 6], out[n, 7] = p, gain, load, now
             n += 1
             best = max(best, now)
             if best - now > 4.0:

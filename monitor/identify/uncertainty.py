@@ -9,7 +9,19 @@ import numpy as np
 from monitor.contract.samples import Array
 
 from .fit import DIRECT, Z95, Fit
-from .projection import P_DEAD_TIME, P_LAG, P_SHARE, evaluate, of_pulses, slopes
+from .projection import (
+    MOST_SHARE,
+    P_DEAD_TIME,
+    P_LAG,
+    P_SHARE,
+    P_WIDTH,
+    Columns,
+    evaluate,
+    of_pulses,
+    slopes,
+    unit_responses,
+)
+from .response import LAG, STEP
 from .window import SearchWindow
 
 LN_GAIN_FLOOR_SD = 0.01
@@ -18,6 +30,9 @@ INDIRECT_LN_GAIN_FLOOR_SD = 0.02
 """The same for the indirect fit: a wrong order goes round the simulated loop too."""
 TIME_FLOOR_SHARE = 0.04
 """One sigma of model mismatch in lag and in dead time, as a share of the dead time (or of T0, if larger share)."""
+OTHER_LOAD_FLOOR_RATIOS = np.array([4.0, 2.0, 2.0]) ** 2
+"""What these variances, of ln gain and times, grow by where a load of another shape is beside: a model's error and a
+load's shape cannot be told apart."""
 STAMP_PERIODS = 0.1
 """One sigma of dead time and lag in sample periods, where the dead time is resolved."""
 UNRESOLVED_PERIODS = 1.0
@@ -26,6 +41,8 @@ RESOLVED_PERIODS = 3.0
 """Sample periods from which a dead time counts as resolved; in between, the floor falls linearly."""
 SECOND_LAG_SHARE = 0.3
 """One sigma of a second lag as a share of the first: a process whose lags are alike is rare."""
+LOADS_LAG_SHARE = 0.5
+"""One sigma of a lag through which a load comes, as a share of T0, where it is not seen."""
 LOST_PERIODS = 0.3
 """Sample periods by which a step of time is longer than usual where a sample is missing."""
 
@@ -102,13 +119,16 @@ def covariance_of_lost_samples(w: SearchWindow, p: Array, gain: float, load: flo
 
 
 def covariance_by_tangents(w: SearchWindow, p: Array, noise: float) -> Array:
-    """Covariance (4, 4) or (6, 6) of ln gain, lag, second lag, dead time [s], onset [s], ln size, by tangents."""
+    """Covariance (k, k) of what `slopes` are of, by tangents."""
     gain, load, _ = evaluate(w.blocks, p, np.empty(len(w.blocks.at)))
     tangents = slopes(w.blocks, p, gain, load)
     t = w.points.at
     # parts of T0: where the data cannot tell them apart, none exceeds it by much
     t0 = float(p[P_DEAD_TIME] + p[P_LAG] * (1.0 + p[P_SHARE])) + float(t[-1] - t[0]) / len(t)
-    usual = np.array([10.0, t0, SECOND_LAG_SHARE * t0, t0, 3.0 * t0, 3.0])[: tangents.shape[1]]
+    usual = np.array([10.0, t0, SECOND_LAG_SHARE * t0, t0, 3.0 * t0, 3.0, 3.0 * t0])[: tangents.shape[1]]
+    if w.kind >= 2 and w.points.shape == STEP:
+        tangents = np.column_stack([tangents, of_loads_lag(w.blocks, w.with_load(LAG).blocks, p, load)])
+        usual = np.append(usual, 1.0)
     scaled = tangents * usual
     inverse = np.linalg.inv(scaled.T @ scaled / noise + np.eye(len(usual)))
     return np.asarray(inverse * np.outer(usual, usual))
@@ -120,7 +140,7 @@ def across_valley(cov: Array) -> Array:
     Parameters
     ----------
     cov
-        (4, 4) or (6, 6), by tangents.
+        (k, k), by tangents.
     """
     others = [k for k in range(len(cov)) if k != 3]
     beside = cov[np.ix_(others, others)] - np.outer(cov[others, 3], cov[3, others]) / cov[3, 3]
@@ -152,7 +172,25 @@ def half_rule(p: Array, gain: Array) -> Array:
     return np.column_stack([np.log(np.abs(gain)), p[:, P_LAG] + half, p[:, P_DEAD_TIME] + half])
 
 
-def tangent_scatter(residual: Array, jacobian: Array, t0: float, step: float) -> Array:
+def of_second_lag(w: SearchWindow, p: Array, gain: float, load: float) -> Array:
+    """Return what one sigma of a second lag would do to PV, which a model of one lag lacks; (n,) [PV]."""
+    q = p.copy()
+    t0 = float(p[P_DEAD_TIME] + p[P_LAG])
+    lags = sorted([q[P_LAG], SECOND_LAG_SHARE * t0])
+    q[P_LAG], q[P_SHARE] = lags[1], min(lags[0] / lags[1], MOST_SHARE) if lags[1] > 0.0 else 0.0
+    x, g = unit_responses(w.points, p)
+    x2, g2 = unit_responses(w.points, q)
+    return np.asarray(gain * (x2 - x) + (load * (g2 - g) if len(g) else 0.0))
+
+
+def of_loads_lag(w: Columns, through: Columns, p: Array, load: float) -> Array:
+    """Return what one sigma of a lag ``through`` which a load may have come would do to PV; (n,) [PV]."""
+    q = p.copy()
+    q[P_WIDTH] = LOADS_LAG_SHARE * float(p[P_DEAD_TIME] + p[P_LAG])
+    return np.asarray(load * (unit_responses(through, q)[1] - unit_responses(w, p)[1]))
+
+
+def tangent_scatter(residual: Array, jacobian: Array, t0: float, step: float, shape: bool = False) -> Array:
     """Return the (3, 3) covariance of (ln |gain|, lag, dead time) by tangents, the residuals' correlation considered.
 
     Parameters
@@ -161,12 +199,16 @@ def tangent_scatter(residual: Array, jacobian: Array, t0: float, step: float) ->
         (n, k): PV's change per unit of ln |gain|, of lag, of dead time [s], and of whatever else was fitted.
     t0, step
         Lags and dead time together, and the sample period [s].
+    shape
+        The fourth column is `of_second_lag` or `of_loads_lag`.
     """
     n = len(residual)
     power = float(residual @ residual) / max(n - 6, 1)
     # lag and dead time are parts of T0: where the data cannot tell them apart, neither exceeds it by much
     prior = np.zeros(jacobian.shape[1])
     prior[:3] = 1e-2, 1.0 / (t0 + step) ** 2, 1.0 / (t0 + step) ** 2
+    if shape:
+        prior[3] = 1.0
     information = jacobian.T @ jacobian / max(power * correlation_time(residual), 1e-300) + np.diag(prior)
     return np.asarray(np.linalg.pinv(information)[:3, :3], dtype=np.float64)
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +19,16 @@ from .projection import (
     P_LAG,
     P_ONSET,
     P_SHARE,
+    P_WIDTH,
     Columns,
     blocks,
     project,
 )
+from .response import STEP
 
-NOISE_FREE_SHARE = 2e-3
-"""Standard deviation of PV's second differences when quiet, as a share of PV's in the event, that is no noise."""
+NOISE_FREE_SHARE = 1e-3
+"""Standard deviation of PV's noise when quiet, as a share of PV's in the event, that is none: no mean of it is needed,
+and means blur OP and PV."""
 SINGLE, BESIDE, EVERY = ((P_DEAD_TIME, P_LAG), (P_LAG, P_SHARE), (P_DEAD_TIME, P_LAG, P_SHARE))
 """Parameters that are searched for: with one lag, at a given dead time, all; for a load the onset too."""
 
@@ -39,6 +43,10 @@ class SearchWindow:
     """Means over blocks, in which a long window is searched; without noise some of its points."""
     pv: Array
     """(n,) as it was measured [PV]."""
+    few_pv: Array
+    """(m,) of the blocks, likewise [PV]."""
+    noise: float
+    """Standard deviation of PV's noise before the event [PV]."""
     period: float | None
     """Sample period, if known [s]."""
 
@@ -50,6 +58,8 @@ class SearchWindow:
     @property
     def of_one_lag(self) -> list[int]:
         """Columns of `slopes`, but the second lag's."""
+        if self.points.shape != STEP:
+            return [0, 1, 3, 2, 4, 5, 6]  # a load's lag may be one of the process
         return [0, 1, 3, 4, 5] if self.kind >= 2 else [0, 1, 3]
 
     @property
@@ -57,9 +67,26 @@ class SearchWindow:
         """Whether OP and PV moved."""
         return bool(np.any(self.points.held)) and bool(np.ptp(self.pv) != 0)
 
+    def with_load(self, shape: int) -> SearchWindow:
+        """Return the window for a model in which a load comes in this shape, beside a set-point step at any time."""
+        if self.kind >= 2:
+            return replace(
+                self,
+                points=self.points._replace(shape=shape),
+                blocks=self.blocks._replace(shape=shape),
+            )
+        latest = float(self.points.at[-1])
+        p, b = self.points, self.blocks
+        return replace(
+            self,
+            points=columns((p.at, p.since, p.held, self.pv), self.kind + 2, shape, latest),
+            blocks=columns((b.at, b.since, b.held, self.few_pv), self.kind + 2, shape, latest),
+        )
+
     def free(self, names: tuple[int, ...]) -> NDArray[np.int64]:
-        """Return the places of these parameters, and of a load's onset."""
-        return np.array(names + ((P_ONSET,) if self.kind >= 2 else ()))
+        """Return the places of these parameters, and of a load's onset and width."""
+        loads = (P_ONSET,) if self.points.shape == STEP else (P_ONSET, P_WIDTH)
+        return np.array(names + (loads if self.kind >= 2 else ()))
 
 
 def search_window(
@@ -80,24 +107,39 @@ def search_window(
     """
     kind = (0 if process == INTEGRATING else 1) + (2 if load else 0)
     t, u, y = (np.ascontiguousarray(x) for x in (window.time, op_from_rest(window, load), window.pv))
-    points = Columns(t, t, u, project(y.copy(), t, kind), kind, bounds(t, kind))
-    if two_lags and _noise_free(window):
+    noise = _noise(window, load)
+    if two_lags and noise <= NOISE_FREE_SHARE * float(np.std(y)):
         size = (len(t) + MOST_POINTS - 1) // MOST_POINTS
-        at = t[::size].copy()
-        few = points._replace(at=at, pv=project(y[::size].copy(), at, kind))
+        few = (t[::size].copy(), t, u, y[::size].copy())
     else:
         at, mean, since, held = blocks(t, u, y, MOST_POINTS)
-        few = Columns(at, since, held, project(mean, at, kind), kind, bounds(since, kind))
-    return SearchWindow(points, few, y, period)
+        few = (at, since, held, mean)
+    return SearchWindow(columns((t, t, u, y), kind), columns(few, kind), y, few[-1], noise, period)
 
 
-def _noise_free(window: EventWindow) -> bool:
-    """Whether PV's noise before the event, by its second differences, is so small that no mean of it is needed.
+def columns(
+    raw: tuple[Array, Array, Array, Array], kind: int, shape: int = STEP, last_onset: float = 0.0
+) -> Columns:
+    """Make columns of times of PV, of OP, OP and PV as they were measured.
 
-    Means blur OP and PV; without noise that is all that a model leaves over.
+    Parameters
+    ----------
+    kind, shape
+        As in `Columns`.
+    last_onset
+        When a load may come at the latest [s].
     """
-    quiet = window.pv[: max(window.before // 2, 3)]
-    return float(np.std(np.diff(quiet, 2))) <= NOISE_FREE_SHARE * float(np.std(window.pv))
+    at, since, held, pv = raw
+    # a load that is looked for beside a set-point step comes at any time, and OP need not have balanced another
+    sloped = kind == 0 or (kind == 2 and last_onset > 0.0)
+    high = bounds(since, kind, last_onset)
+    return Columns(at, since, held, project(pv.copy(), at, sloped), kind, high, shape, sloped)
+
+
+def _noise(window: EventWindow, load: bool) -> float:
+    """Return the standard deviation of PV's white noise before the event, by its second differences [PV]."""
+    quiet = window.pv[: max(window.before // 2 if load else window.before, 3)]
+    return float(np.std(np.diff(quiet, 2))) / math.sqrt(6.0)
 
 
 def op_from_rest(window: EventWindow, load: bool) -> Array:
@@ -105,7 +147,7 @@ def op_from_rest(window: EventWindow, load: bool) -> Array:
     return window.op - np.mean(window.op[: max(window.before // 2 if load else window.before, 1)])
 
 
-def bounds(t: Array, kind: int) -> Array:
+def bounds(t: Array, kind: int, last_onset: float) -> Array:
     """Upper bounds of the parameters: an integrating process shows its lags in half a window, or never."""
     longest = t[-1] if kind % 2 else 0.5 * t[-1]
-    return np.array([longest, 20.0 * longest, MOST_SHARE, 0.0])
+    return np.array([longest, 20.0 * longest, MOST_SHARE, last_onset, t[-1] - t[0]])

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,8 +17,9 @@ import numpy as np
 from monitor.adapters.historian.clock import zone_of
 from monitor.adapters.historian.rows import Tally, UnusableError
 from monitor.adapters.loop_table import read_loop_table
+from monitor.check_controller import Sample, looked_at
 from monitor.contract.loop_fields import parse_row
-from monitor.contract.loops import LoopTable, LoopTableError
+from monitor.contract.loops import Loop, LoopTable, LoopTableError
 from monitor.contract.samples import Samples
 from monitor.contract.text import short
 from monitor.contract.times import iso
@@ -39,6 +40,14 @@ class Finding:
     """In one line, what was found; empty where nothing could be read."""
     problems: list[str] = field(default_factory=list)
     """``file:row: field: value, expected ...``."""
+    notes: list[str] = field(default_factory=list)
+    """What is worth knowing, and no fault."""
+    loops: dict[str, Loop] = field(default_factory=dict)
+    """Of a loop table, by name."""
+    names: list[str] = field(default_factory=list)
+    """Of the loops of a data file, by their samples' numbers."""
+    sample: Sample | None = None
+    """Of a data file's samples."""
 
 
 def check_file(path: Path, tz: str | None = None, time_unit: str | None = None) -> Finding:
@@ -69,6 +78,40 @@ def check_file(path: Path, tz: str | None = None, time_unit: str | None = None) 
         return Finding(problems=[f"{path}: {error}"])
 
 
+def check_controllers(found: Sequence[tuple[Path, Finding]]) -> Iterator[tuple[Path, Finding]]:
+    """Hold the settings of loop tables against a sample of the data that are given with them, or lie beside them.
+
+    Parameters
+    ----------
+    found
+        What was found of each file.
+    """
+    loops = {name: loop for _, finding in found for name, loop in finding.loops.items()}
+    for path, finding in found:
+        if finding.sample is None:
+            continue
+        wrong, notes = looked_at(finding.names, finding.sample, loops or _beside(path))
+        yield (
+            path,
+            Finding(
+                problems=[f"{path}: {line}" for line in wrong[:MOST_PROBLEMS]],
+                notes=[f"{path}: {line}" for line in notes[:MOST_PROBLEMS]],
+            ),
+        )
+
+
+def _beside(path: Path) -> dict[str, Loop]:
+    """Return the loops of a loop table that lies beside a data file, by name."""
+    for suffix in (".csv", ".toml", ".parquet"):
+        beside = path.with_name(f"loops{suffix}")
+        if beside.is_file() and beside != path:
+            try:
+                return {loop.name: loop for loop in read_loop_table(beside)}
+            except (LoopTableError, OSError):
+                return {}
+    return {}
+
+
 def _config(path: Path) -> Finding:
     return Finding("configuration", problems(path))
 
@@ -87,7 +130,8 @@ def _table(path: Path) -> Finding:
     except LoopTableError as error:
         return Finding("loop table", error.problems)
     known = sum(loop.kp is not None for loop in table)
-    return Finding(f"loop table: {counted(len(table), 'loop')}, {known} with settings", _unused(path, table))
+    what = f"loop table: {counted(len(table), 'loop')}, {known} with settings"
+    return Finding(what, _unused(path, table), loops={loop.name: loop for loop in table})
 
 
 def _unused(path: Path, table: LoopTable) -> list[str]:
@@ -111,17 +155,19 @@ def _data(path: Path, tz: str | None, time_unit: str | None) -> Finding:
         source = inspect(path, unit=time_unit)
         names = sorted(set().union(*scan(source))) if source.layout.loop else source.loops
         wanted = {name: k for k, name in enumerate(names)}
-        tally, order = Tally(), "in order"
+        tally, order, sample = Tally(), "in order", Sample()
         try:
-            facts = _facts(in_order([source], wanted, span, tally), len(names))
+            facts = _facts(sample.watched(in_order([source], wanted, span, tally)), len(names))
         except OutOfOrderError:
-            tally = Tally()
+            tally, sample = Tally(), Sample()
             order = "local times" if span.zone is not None else "out of order (will be sorted)"
-            facts = _facts(sorted_samples([source], wanted, span, tally), len(names))
+            facts = _facts(sample.watched(sorted_samples([source], wanted, span, tally)), len(names))
     except UnusableError as error:
         return Finding(problems=[str(error)])
     out = Finding(
-        f"{source.layout.kind}, {counted(len(names), 'loop')}, {facts}, {order}{_notes(source, tally, tz)}"
+        f"{source.layout.kind}, {counted(len(names), 'loop')}, {facts}, {order}{_notes(source, tally, tz)}",
+        names=names,
+        sample=sample,
     )
     out.problems += _names_wrong(path, names)
     for name, reason in source.layout.incomplete.items():

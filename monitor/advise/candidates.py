@@ -31,6 +31,8 @@ RESET_SHARES = [1.0, 0.85, 0.7, 0.6]
 well-damped published rules (Fruehauf 1993: 2.5); below 2 an integrator rolls."""
 LEAD_SHARES = [0.5, 0.25, 0.1]
 """Factors on the rule's derivative time, where noise on OP limits a suggestion."""
+LEAST_TD_PERIODS = 0.1
+"""Sample periods below which a derivative time does nothing."""
 TOO_NOISY = "PV's noise"
 """How the limit of noise begins to be said."""
 
@@ -95,7 +97,8 @@ class Search:
 
     def typed(self) -> dict[int, Settings]:
         """Return the candidates where the rows stand, as one types them."""
-        return {row: typed(self.limits.loop, pick(self.many, row, k)) for row, k in self.at.items()}
+        loop, period = self.limits.loop, self.limits.period
+        return {row: typed(loop, pick(self.many, row, k), period) for row, k in self.at.items()}
 
     def slower(self, row: int) -> None:
         """Go on to the next candidate of a row; a row at its end is given up."""
@@ -196,9 +199,16 @@ def in_form(loop: Loop, rule: Settings) -> Settings:
     return Settings(made.kp, made.ti, made.td, made.td / ratio, made.form, loop.b, loop.c)
 
 
-def typed(loop: Loop, settings: Settings) -> Settings:
-    """Return settings, in the loop's form already, to the digits that one types."""
+def typed(loop: Loop, settings: Settings, period: float) -> Settings:
+    """Return settings, in the loop's form already, to the digits that one types; a useless derivative is none.
+
+    Parameters
+    ----------
+    period
+        Of the samples [s].
+    """
     kp, ti, td = (rounded(float(x)) for x in (settings.kp, settings.ti, settings.td))
+    td = td if td >= LEAST_TD_PERIODS * period else 0.0
     return in_form(loop, Settings(kp, ti, td, form=settings.form))
 
 

@@ -6,13 +6,13 @@ A suggestion has to be safe on the true process, not on the fitted model's famil
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor.assess.reference import model_of, settings_of, with_hold_delay
-from monitor.assess.tuning import MS_MARGIN_RATIO, integral_too_strong
+from monitor.assess.tuning import MS_MARGIN_RATIO
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Array
 from tuners.loops import coefficients, span
@@ -29,18 +29,24 @@ RIVAL_MS = 2.6
 """Highest Ms on a model of the other kind: the model found may not be the true one."""
 LEAST_DISTANCE = 1.0 / 3.0
 """Least abs(1 + L) that the model's error may leave: Ms 3."""
-CROSSOVER_RATIO = 2.0
-"""Of the gain crossover in today's: what is excited under today's settings reaches little further."""
+CROSSOVER_RATIO, GAIN_RATIO = 3.0, 2.0
+"""Of the gain crossover and of the gain in today's: what is excited under today's settings reaches little further."""
+EXCITED_RATIO = 4.0
+"""Of both, where a set-point step excited what lies further up: an error of the model there would have been seen."""
 LOADS_GAIN_RATIO = 2.0
 """Of the gain in today's, after load steps alone."""
-EXCITED_RATIO = 4.0
-"""The same where a set-point step excited what lies further up: an error of the model there would have been seen."""
+WRONG_RATIO = 4.0
+"""Factor by which a model may be wrong, for a gain and a crossover that lie so far below those of the aim."""
+LEAST_LEAD_SHARE = 0.5
+"""Of the derivative time in today's, after load steps alone: to take lead away is a change of the loop, too."""
 ONCE_RATIO = 4.0
 """Of the gain in today's, at once, whatever is known."""
 SOFT_DISTANCE = 0.1
 """Least abs(1 + L) that the mode which explains most may leave after a soft step."""
 SOFT_RATIO = 1.25
 """Of gain and crossover in today's, where the model's error forbids everything."""
+LITTLE_MORE_RATIO = 1.2
+"""Gain on trial: where it lowers Ms the loop swings for want of gain, by too much integral action."""
 SAFER_SHARE = 0.9
 """Share of today's Ms below which settings that are no good are at least better."""
 CROSSOVER_POINTS = 160
@@ -48,7 +54,7 @@ CROSSOVER_POINTS = 160
 OTHER_KIND, MISFIT, NOT_EXCITED, LOADS_ALONE, IN_PARTS, NEAR_THE_EDGE = (
     "the events do not exclude the other kind of process",
     "the model leaves more unexplained than noise does",
-    "what was not excited is not known: the crossover is at most doubled at a time",
+    "what the events have not excited is not known",
     "after load steps alone no more than twice the gain at a time, and no new derivative",
     "no more than four times the gain at a time",
     "the loop is too close to instability for more gain",
@@ -67,8 +73,8 @@ class Guards:
     evidence: Evidence
     most_ms: float
     """Ms of today's settings above which the loop is too close to instability [-]."""
-    rolls: bool
-    """It is so for too much integral action, which more gain cures."""
+    aim: Settings | None = None
+    """Where the way leads."""
 
     @classmethod
     def of(cls, loop: Loop, region: Model, evidence: Evidence, period: float) -> Guards:
@@ -82,10 +88,7 @@ class Guards:
             Sample period [s].
         """
         rivals = tuple(with_hold_delay(model_of(fit), period) for fit in evidence.rivals)
-        model = nominal(region)
-        alone = type(model)(*(float(np.ravel(x)[0]) for x in (model.gain, model.dead_time, *model.lags)))
-        rolls = bool(integral_too_strong(loop, alone))
-        return cls(model, rivals, settings_of(loop), evidence, MS_MARGIN_RATIO * loop.ms_max, rolls)
+        return cls(nominal(region), rivals, settings_of(loop), evidence, MS_MARGIN_RATIO * loop.ms_max)
 
     def refused(self, many: list[Settings]) -> list[str]:
         """Say for each of the settings why it is refused; empty where it is not."""
@@ -132,11 +135,13 @@ class Guards:
         return self.today is not None and self.evidence.loads_only and float(self.today.td) == 0
 
     def _near_the_edge(self, many: list[Settings]) -> Flags:
-        """Where gain is added to a loop that the model calls too close to instability, but for want of gain."""
-        if self.today is None or self.rolls:
-            return np.zeros(len(many), dtype=bool)
-        (peak,) = worst_peaks(self.model, self.today)
-        return np.asarray(self._at_once(many, 1.0) & bool(peak > self.most_ms))
+        """Where gain is added to a loop that the model calls too close to instability, unless it is gain it wants."""
+        more = self._at_once(many, 1.0)
+        if self.today is None or not np.any(more):
+            return more
+        louder = replace(self.today, kp=LITTLE_MORE_RATIO * float(self.today.kp))
+        peak, then = worst_peaks(self.model, stacked([self.today, louder]))
+        return np.asarray(more & bool(peak > self.most_ms and not then < peak))
 
     def _on_rivals(self, many: list[Settings]) -> Flags:
         """Where Ms on a model of the other kind is too high, and no lower than that of today's settings."""
@@ -168,11 +173,13 @@ class Guards:
 
     def _not_excited(self, many: list[Settings]) -> Flags:
         """Where the crossover goes further up than the events have shown the process."""
-        far, misfit = self._beyond(many, CROSSOVER_RATIO), self.evidence.misfit
+        gain, crossover = self._far_below()
+        far = self._beyond(many, max(CROSSOVER_RATIO, crossover)) | self._at_once(many, max(GAIN_RATIO, gain))
+        misfit = self.evidence.misfit
         if self.evidence.loads_only or misfit is None or not len(misfit.open_omega) or not np.any(far):
             return far
         room = self._room(many, misfit.open_omega, misfit.open_bound)[:, : len(many)]
-        return far & (self._beyond(many, EXCITED_RATIO) | np.any(room < LEAST_DISTANCE, axis=0))
+        return np.asarray(far & (self._beyond(many, EXCITED_RATIO) | np.any(room < LEAST_DISTANCE, axis=0)))
 
     def _beyond(self, many: list[Settings], ratio: float) -> Flags:
         """Where the gain crossover lies so many times above today's."""
@@ -187,8 +194,19 @@ class Guards:
         """Where more is asked for than load steps alone can show."""
         if self.today is None or not self.evidence.loads_only:
             return np.zeros(len(many), dtype=bool)
-        lead = np.array([float(s.td) > 0 for s in many]) & self.lead_withheld
-        return np.asarray(self._at_once(many, LOADS_GAIN_RATIO) | lead)
+        td = np.array([float(s.td) for s in many])
+        lead = (td > 0) & self.lead_withheld | (td < LEAST_LEAD_SHARE * float(self.today.td))
+        return np.asarray(self._at_once(many, max(LOADS_GAIN_RATIO, self._far_below()[0])) | lead)
+
+    def _far_below(self) -> tuple[float, float]:
+        """Return the ratios of gain and crossover, far below the aim, that bear a model which is wrong by a factor."""
+        if self.today is None or self.aim is None:
+            return 0.0, 0.0
+        gain = float(self.aim.kp) / float(self.today.kp)
+        aim, today = crossovers(self.model, [self.aim, self.today])
+        ratios = gain, aim / today if today > 0.0 else gain
+        gain, crossover = (min(ratio / WRONG_RATIO, EXCITED_RATIO) for ratio in ratios)
+        return gain, crossover
 
     def _at_once(self, many: list[Settings], ratio: float) -> Flags:
         """Where the gain is so many times today's."""

@@ -12,7 +12,7 @@ from .candidates import Limits
 from .guards import LOADS_ALONE, MISFIT, SOFT_RATIO, Guards
 from .stages import ORDERS, between, rounded, stages
 
-WAY_SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.12)
+WAY_SHARES = tuple(k / 20 for k in range(20, 1, -1))
 """Shares of the way, by ratio, that are looked at, from the aim back to today's settings."""
 SOFT_SHARES = (1.0, 0.7, 0.4)
 """Shares of a soft step."""
@@ -60,6 +60,7 @@ def way(limits: Limits, guards: Guards, aim: Settings, peaks: tuple[float, float
     further = _retreat(limits, guards, aim)
     if further is not None:
         aim, peaks = further
+    guards = replace(guards, aim=aim)
     end, reasons = aim, []
     if guards.lead_withheld and float(aim.td) > 0:
         end, reasons = replace(aim, td=0.0, tf=0.0), [LOADS_ALONE]

@@ -17,6 +17,9 @@ from tuners.models import INTEGRATING, SELF_REGULATING
 from .evidence import NOISY_RANGE_SHARE, is_explained
 from .reference import settings_of
 
+LIKELY_LOAD_RATIO = 2.0
+"""Of the residuals in those of the model believed, up to which the other kind of process may be right after a load."""
+
 
 class Shown(NamedTuple):
     """What an event shows of the process."""
@@ -66,7 +69,8 @@ def rivals(event: ClosedEvent, shown: Shown) -> tuple[Fit, ...]:
     mine = next((f for f in direct if f.process == kind), shown.fit)
     others = [replace(f, extra_delay=shown.fit.extra_delay) for f in direct if f.process != kind]
     if event.kind == LOAD_STEP:  # likelihoods are those of a load that steps: it may not have
-        return tuple(f for f in others if f.gain * mine.gain > 0 and is_explained(f, event))
+        likely = [f for f in others if f.gain * mine.gain > 0 and f.sigma <= LIKELY_LOAD_RATIO * mine.sigma]
+        return tuple(f for f in likely if is_explained(f, event))
     return rivals_of(mine, others)
 
 

@@ -11,8 +11,9 @@ from .common import Command, Refused
 
 _HELP = """Check configurations, loop tables and data files.
 
-Prints every problem with file, line or row, field, value and what would be accepted. Exit 0 without
-problems, 2 with.
+Prints every problem with file, line or row, field, value and what would be accepted. Settings of a loop
+table are held against a sample of the data that are given with it, or lie beside it (loops.csv): what OP shows
+of the controller, and what contradicts the table, with the likely cause. Exit 0 without problems, 2 with.
 
 \b
 Example:
@@ -30,19 +31,25 @@ Example:
 )
 def check(files: tuple[Path, ...], tz: str | None, time_unit: str | None) -> None:
     """Check, print what was found, exit 0 or 2."""
-    from monitor.check import check_file, counted
+    from monitor.check import check_controllers, check_file, counted
     from monitor.contract.text import visible
 
-    failed = False
+    every = []
     for path in files:
         try:
             found = check_file(path, tz, time_unit)
         except ValueError as error:
             raise Refused(str(error)) from None
+        every.append((path, found))
         for line in found.problems:
             click.echo(visible(line), err=True)
-        failed = failed or bool(found.problems)
         if found.what:
             end = f"; {counted(len(found.problems), 'problem')}" if found.problems else "; no problem"
             click.echo(visible(f"{path}: {found.what}{end}"))
-    sys.exit(2 if failed else 0)
+    controllers = [found for _, found in check_controllers(every)]
+    for found in controllers:
+        for line in found.problems:
+            click.echo(visible(line), err=True)
+        for line in found.notes:
+            click.echo(visible(line))
+    sys.exit(2 if any(found.problems for found in [*(f for _, f in every), *controllers]) else 0)

@@ -23,6 +23,8 @@ _BOUNDS: dict[str, tuple[float, float, str]] = {
     "ti": (0.0, math.inf, "seconds above 0; empty or inf = no integral action"),
     "td": (-1e-300, 1e9, "seconds, 0 or more"),
     "tf": (-1e-300, 1e9, "seconds, 0 or more"),
+    "pv_filter": (-1e-300, 1e9, "seconds, 0 or more"),
+    "scan": (0.0, 1e9, "seconds above 0"),
     "closed_loop_time": (0.0, 1e9, "seconds above 0"),
     "period": (0.0, 1e9, "seconds above 0"),
     "ms_max": (1.0, 10.0, "a number from 1 to 10, e.g. 2.2"),

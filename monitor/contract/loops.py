@@ -53,6 +53,8 @@ class Loop(msgspec.Struct, frozen=True, kw_only=True):
     pv_high: float | None = None
     op_low: float | None = None
     op_high: float | None = None
+    pv_filter: float | None = None
+    scan: float | None = None
     closed_loop_time: float | None = None
     op_noise_max: float = 1.0
     max_load: float | None = None

@@ -98,7 +98,7 @@ def known_of(loop: Loop) -> Known:
     """Return the table's settings as a law in standard form; without any, those of a PI that is not known."""
     own = loop.settings
     if own is None:
-        return Known(1.0, 1.0, 0.0, 0.0, 1.0, 1.0, derivative=False, given=False)
+        return Known(1.0, 1.0, 0.0, 0.0, loop.b, loop.c, derivative=False, given=False)
     try:
         s = own.to("standard")
     except NotRepresentableError:  # numbers that no such block can have: read as they stand

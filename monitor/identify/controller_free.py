@@ -21,7 +21,7 @@ from .controller_fit import (
 )
 from .controller_judge import NARROW_RATIO, NARROW_TIME_RATIO, WELL_EXPLAINED, is_drawn
 from .controller_law import INTEGRAL, D, P
-from .controller_other import with_derivative
+from .controller_other import WEIGHTS, with_derivative
 from .controller_rows import Rows
 from .controller_seen import FOUND, UNRESOLVED, Controller, intervals
 
@@ -92,9 +92,7 @@ def with_filter_found(case: Case, best: Estimate, walk: float) -> tuple[Case, Es
 
 def without_table(case: Case) -> Controller:
     """Return what is seen of a controller of which the table says nothing."""
-    case, walk, found = free_fit(case)
-    if not is_exact(case.rows, case.known, found):
-        case, found = with_filter_found(case, found, walk)
+    case, walk, found = _with_weights_found(case)
     known, rows = case.known, case.rows
     if not is_exact(rows, known, found):
         free = estimate(rows, known, walk, placed(rows, known, FREE, walk))
@@ -107,6 +105,22 @@ def without_table(case: Case) -> Controller:
     if seen is None or not clear or is_drawn(rows):
         return case.controller(UNRESOLVED, found, NOWHERE, share)
     return case.controller(FOUND, found, found.place, share)
+
+
+def _with_weights_found(case: Case) -> tuple[Case, float, Estimate]:
+    """Return the free fit with the set-point weights, of the usual ones, that leave nothing, a derivative included."""
+    fitted, walk, found = free_fit(case)
+    if not is_exact(fitted.rows, fitted.known, found):
+        fitted, found = with_filter_found(fitted, found, walk)
+    if is_exact(fitted.rows, fitted.known, found) or not np.any(np.diff(case.rows.sp)):
+        return fitted, walk, found
+    for b, c in WEIGHTS:
+        other, other_walk, by_weights = free_fit(replace(case, known=replace(case.known, b=b, c=c)))
+        if not is_exact(other.rows, other.known, by_weights):
+            other, by_weights = with_filter_found(other, by_weights, other_walk)
+        if is_exact(other.rows, other.known, by_weights):
+            return other, other_walk, by_weights
+    return fitted, walk, found
 
 
 def _without_integral(rows: Rows, known: Known, walk: float, found: Estimate) -> Estimate:

@@ -47,6 +47,13 @@ GAP_WIDTHS = 24
 LEAST_TF_PERIODS, TF_RANGE_LN = 0.05, 6.9
 """Shortest derivative filter that is tried, in sample periods, and how far from it the longest lies."""
 ALL = np.array([P, INTEGRAL, D, START])
+WIDTH_SHARE, WIDTH_NOISES, LEAST_SIDE_SHARE = 0.02, 3.0, 0.05
+"""Share of the largest error, and standard deviations of PV's noise, that a gap is wide at the least; share of the rows
+with errors on either side of its edge."""
+SECOND_DIFFERENCE_SD = 1.652
+"""Median size of white noise's second differences, over its standard deviation: sqrt(6) times 0.6745."""
+GAP_GAIN_SHARE = 0.8
+"""Most gain within a gap, as a share of that outside."""
 SQUARED, GAP = 0, 1
 """Laws with a varying gain: it grows with the error; it is another one within a gap around zero."""
 
@@ -165,12 +172,13 @@ def varying_columns(time, e, x, kind, width):
 
 @jit
 def _left_by_varying(rows, law, walk, kind, width, active):
-    """Return the squares that a free law of this kind leaves, and those of OP."""
+    """Return the squares that a free law of this kind leaves, those of OP, and its gains."""
     time, sp, pv, op, use, fresh = rows
     x = columns(time, sp, pv, law, 0.0, 0)
     more = varying_columns(time, sp - pv, x, kind, width)
     m = products(whitened(more, op, use, fresh, walk)[0])
-    return solved(m, active)[1], m[7, 7]
+    gains, left = solved(m, active)
+    return left, m[7, 7], gains
 
 
 @jit
@@ -236,22 +244,33 @@ def varying_gain(rows: Rows, known: Known, squares: float) -> str:
     told = (rows.time, rows.sp, rows.pv, rows.op, rows.use, rows.fresh)
     law = known.law(rows)
     active = _active(known, SQUARED)
-    left, every = _left_by_varying(told, law, 1.0, SQUARED, 0.0, active)
+    left, every, gains = _left_by_varying(told, law, 1.0, SQUARED, 0.0, active)
     if squares < LINEAR_SHARE * every:
         return ""
     # a set point that acts otherwise than recorded bends the law, too, but no such law leaves nothing then
     most = min(
         MUCH_BETTER * squares, (MOVED_SHARE if np.any(np.diff(rows.sp)) else 1.0 - WELL_EXPLAINED) * every
     )
-    if left < most:
+    if left < most and gains[0] * gains[1] >= 0.0:
         return "OP follows the square of the error (error-squared action), not a linear PID"
     e = np.unique(np.abs(rows.sp - rows.pv)[rows.use])
     if len(e) < LEAST_ROWS:
         return ""
     width, left = _search_gap(told, law, 1.0, _active(known, GAP), e)
-    if left < most:
+    gains = _left_by_varying(told, law, 1.0, GAP, width, _active(known, GAP))[2]
+    if left < most and _is_gap(rows, width, gains):
         return f"OP follows the error with another gain within {width:.3g} of the set point (gap action), no linear PID"
     return ""
+
+
+def _is_gap(rows: Rows, width: float, gains: Array) -> bool:
+    """Whether such a width is a gap: errors lie on both sides, it stands out of noise, its gain is the lower one."""
+    e = np.abs(rows.sp - rows.pv)[rows.use]
+    inside = float(np.mean(e < width))
+    noise = float(np.median(np.abs(np.diff(rows.pv, 2)))) / SECOND_DIFFERENCE_SD
+    wide = width > max(WIDTH_SHARE * float(np.max(e)), WIDTH_NOISES * noise)
+    both = LEAST_SIDE_SHARE < inside < 1.0 - LEAST_SIDE_SHARE
+    return wide and both and abs(gains[0]) < GAP_GAIN_SHARE * abs(gains[3])
 
 
 def _active(known: Known, kind: int) -> Array:

@@ -37,21 +37,21 @@ NYQUIST_SHARE = 0.6
 """Of the fastest mode in the grid's Nyquist frequency."""
 DAMPINGS = np.array([0.02, 0.05, 0.12, 0.3, 0.6])
 """From a resonance to a lag."""
-OPEN_DAMPING = 0.12
+OPEN_DAMPING = 0.05
 """Least damping of a mode that is not seen but might be there."""
 OPEN_SD = 2.0
 """Standard deviations of an error that would not have been seen."""
 CLOSE_STEPS, CLOSE_COUNT, CLOSE_DAMPINGS = 0.8, 9, np.array([0.01, 0.02, 0.05, 0.12])
 """Steps of the grid to either side of the mode that explains most, frequencies there, and dampings."""
-SEEN_CHI = 25.0
+SEEN_CHI = 20.0
 """Power that a mode explains, in variances of the noise, from which it is no chance: 180 modes are tried."""
 ALIKE_SHARE, ALIKE_BROAD_SHARE = 1e-6, 3e-4
 """Share of a mode's power that is left, once the parameters have had their part, below which it is none of its own.
 Little is left of one that rings, for most of its power is its gain at rest; one that does not ring is then a lag."""
 BROAD_DAMPING = 0.3
 """From which a mode hardly rings."""
-LEAST_POWER_SHARE = 1e-14
-"""Least noise that is reckoned with, as a share of PV's power."""
+LEAST_NOISE_SHARE = 0.007
+"""Least noise that is reckoned with, as a share of PV's range: a model of few lags is no closer to many."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -83,7 +83,7 @@ def model_error(window: EventWindow, fit: Fit, noise: float) -> ModelError:
 
     For each mode of frequency w and damping zeta (derived): ``z1 = w^2/(s^2 + 2 zeta w s + w^2) u``,
     ``z2 = w s/(...) u``, exact for held OP, and ``a = (Z'Z)^-1 Z'r`` of the residuals r, all projected. It is seen
-    where ``chi = a'(Z'Z)a/var > 25``, and the process may differ from its model by ``|a|/(2 zeta)`` and one
+    where ``chi = a'(Z'Z)a/var > 20``, and the process may differ from its model by ``|a|/(2 zeta)`` and one
     standard deviation of that at w. About the mode that explains most, frequencies and dampings are closer.
 
     Parameters
@@ -102,7 +102,7 @@ def model_error(window: EventWindow, fit: Fit, noise: float) -> ModelError:
     fastest = NYQUIST_SHARE * math.pi / cells.step
     slowest = 2.0 * math.pi * LEAST_CYCLES / (n * cells.step)
     grid = np.geomspace(slowest, fastest, FREQUENCY_COUNT)
-    least = noise * noise / cells.each + LEAST_POWER_SHARE * cells.power
+    least = max(noise, LEAST_NOISE_SHARE * float(np.ptp(window.pv))) ** 2 / cells.each
     found = _regressed(cells, grid, DAMPINGS, least)
     seen = found.alone & (found.chi > SEEN_CHI)
     unseen = found.alone & ~seen & (found.damping >= OPEN_DAMPING)
@@ -174,8 +174,6 @@ class _Cells(NamedTuple):
     """(n,) mean, projected [PV]."""
     basis: Array
     """(n, p) orthonormal: what parameters explain."""
-    power: float
-    """Mean square of PV's movement [PV^2]."""
 
 
 def _cells(window: EventWindow, fit: Fit) -> _Cells | None:
@@ -205,7 +203,7 @@ def _cells(window: EventWindow, fit: Fit) -> _Cells | None:
     basis = _orthonormal(np.column_stack(parts))
     r = r - basis @ (basis.T @ r)
     op = np.ascontiguousarray(np.mean(held.reshape(n, each), axis=1))
-    return _Cells(each * fine, each, op, r, basis, float(np.var(window.pv)))
+    return _Cells(each * fine, each, op, r, basis)
 
 
 def _orthonormal(columns: Array) -> Array:

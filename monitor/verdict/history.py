@@ -104,7 +104,7 @@ class LoopHistory:
             The loop's row, where somebody has said so; else the settings are those seen in the data.
         """
         if table is not None:
-            self.in_force = InForce(table, extra_delay=self.in_force.extra_delay)
+            self.in_force = InForce(table, since=since, extra_delay=self.in_force.extra_delay)
         if self.plan is not None:
             part = part_of(self.plan, settings_of(self.loop))
             self.plan = msgspec.structs.replace(self.plan, since=since) if part else None

@@ -30,6 +30,10 @@ MOST_WINDOWS = 8
 """Windows that are kept of what the data show of a controller."""
 SHOWS_DELAY_SHARE = 0.99
 """Share of OP's movement that must be explained for a window to show that there is no filter and no delay."""
+LEAST_POINTS = 30
+"""Points without which a window shows no controller."""
+TAKEN_BACK_EVENTS = 3
+"""Events in a row as declared that take back a law of another kind: a small one shows nothing of a gap."""
 JOINED_STRETCHES = 4
 """Stretches in a row that are looked at together where none of them shows the controller."""
 SOON_PERIODS = 1024.0
@@ -68,6 +72,8 @@ class InForce:
     """The best of what windows show that do not resolve the controller: for the eye, nothing rests on it."""
     contradiction: str = ""
     """In what the data contradict the table, or any linear controller, in words; empty where they do not."""
+    since: int | None = None
+    """When these settings came into force [ns since 1970]; None: they were there from the start."""
     extra_delay: float = 0.0
     """Dead time that the controller adds to the process [s]: the most that was seen, until a window shows less."""
     change: Change | None = None
@@ -89,6 +95,8 @@ class InForce:
     stretches show nothing of it, and do not take it back."""
     _by_setpoint: bool = False
     """It is the set point's weights: taken back by a window in which the set point moves as the table has it."""
+    _as_declared: int = 0
+    """Events in a row that show the loop as declared, since one showed another law."""
     _doubt: tuple[Controller, int] | None = None
     """What the last window showed, and its start [ns since 1970], where it was a quiet stretch that says otherwise."""
 
@@ -118,8 +126,13 @@ class InForce:
         period
             Of the samples [s].
         """
+        if self.since is not None and start < self.since:
+            window, start = _from(window, start, self.since)  # what lies before shows other settings
+        declared = (self.table.pv_filter or 0.0) + 0.5 * max((self.table.scan or 0.0) - period, 0.0)
+        self.extra_delay = max(self.extra_delay, declared)
         event = window.before < len(window)
-        if not event and self._confirmed and start - self._until < SOON_PERIODS * period * 1e9:
+        soon = self._confirmed and start - self._until < SOON_PERIODS * period * 1e9
+        if len(window) < LEAST_POINTS or (soon and not event):
             return False
         found = self._see(window, period)
         joined = None if event or found is not None else self._joined(window, start, end, period)
@@ -128,42 +141,54 @@ class InForce:
             found = self._see(window, period)
         if found is None:
             return False
-        if self._is_other_law(found, window):
+        first = self._first_seen(found, event, start)
+        if first is None or self._is_other_law(found, event, bool(np.ptp(window.sp) > 0)):
             return False
-        if self._confirms(found):
-            self._doubt = None
-        elif not event and (self._doubt is None or differ(self._doubt[0], found)):
-            self._doubt = found, start
-            return False
-        elif self._doubt is not None:
-            start = self._doubt[1] if not differ(self._doubt[0], found) else start
-            self._doubt = None
         if event and not self._by_event and self._loop is not None:
             self._windows, self.seen = [], None  # what quiet stretches showed was a first guess
         if event or not self._by_event or not self._confirms(found):
-            changed = (
-                self._by_data(found, window, start, period) if self._loop else self._by_table(found, start)
-            )
+            by_data = self._loop is not None
+            changed = self._by_data(found, window, first, period) if by_data else self._by_table(found, first)
             self._by_event = event or (self._by_event and not changed)
         else:  # a stretch confirms what an event has shown better
             changed, self.contradiction = False, self._law
         self._until = max(end, self._until)
         return changed
 
-    def _is_other_law(self, found: Controller, window: EventWindow) -> bool:
-        """Note a law that is none of the table's, whatever its settings; return whether it is one."""
+    def _first_seen(self, found: Controller, event: bool, start: int) -> int | None:
+        """Return since when what a window from ``start`` on shows has been seen [ns since 1970].
+
+        None: it is a quiet stretch that says something new, which another one has to confirm.
+        """
+        doubt = self._doubt
+        self._doubt = None
+        if self._confirms(found):
+            return start
+        same = doubt is not None and doubt[0].said == found.said and not differ(doubt[0], found)
+        if not event and not same:
+            self._doubt = found, start
+            return None
+        return doubt[1] if doubt is not None and same else start
+
+    def _is_other_law(self, found: Controller, event: bool, stepped: bool) -> bool:
+        """Note a law that is none of the table's, whatever its settings; return whether it is one.
+
+        Events that show the loop as declared take it back; of a law at the set point, one in which it has ``stepped``.
+        """
         if found.said == NOT_LINEAR or found.setpoint_only:
             self._law = self.contradiction = found.cause
-            self._by_setpoint = found.setpoint_only
+            self._by_setpoint, self._as_declared = found.setpoint_only, 0
             return True
-        if self._by_setpoint and found.said in {AS_DECLARED, BESIDE} and window.sp.min() < window.sp.max():
-            self._law, self._by_setpoint = "", False
+        if event and found.said in {AS_DECLARED, BESIDE}:
+            self._as_declared += 1
+            if stepped if self._by_setpoint else self._as_declared >= TAKEN_BACK_EVENTS:
+                self._law, self._by_setpoint = "", False
         return False
 
     def _see(self, window: EventWindow, period: float) -> Controller | None:
         """Return what a window shows of the controller; None where that is not resolved."""
         found = see_controller(window, period, self.table if self._loop is None else _bare(self.table))
-        if found is not None and found.said == CONTRADICTED and self._confirmed:
+        if found is not None and found.said == CONTRADICTED and self._confirmed and not found.setpoint_only:
             found = see_controller(
                 window, period, _bare(self.table)
             )  # other settings have to be seen by themselves
@@ -229,6 +254,7 @@ class InForce:
         self._note_delay(found)
         if changed and old is not None and old.settings is not None and found.settings is not None:
             self.change = Change(self._until, start, old.settings, found.settings)
+        self.since = start if changed else self.since
         return changed
 
     def _note_delay(self, found: Controller) -> None:
@@ -242,6 +268,13 @@ def _width(found: Controller) -> float:
     """Return the width of gain and integral time together, as shares; inf where they are not known."""
     widths = [(i.high - i.low) / abs(i.value) if i.value else math.inf for i in (found.kp, found.ti)]
     return sum(w if math.isfinite(w) else UNKNOWN_WIDTH for w in widths)
+
+
+def _from(window: EventWindow, start: int, since: int) -> tuple[EventWindow, int]:
+    """Return the part of a window, which starts at ``start``, from a time on, with its own start [ns since 1970]."""
+    first = int(np.searchsorted(start + (window.time - window.time[0]) * 1e9, since)) if len(window) else 0
+    columns = (getattr(window, name)[first:] for name in ("time", "sp", "pv", "op"))
+    return EventWindow(*columns, before=max(window.before - first, 0)), max(start, since)
 
 
 def _bare(loop: Loop) -> Loop:

@@ -192,7 +192,7 @@ def _stages(row: Row) -> list[str]:
     stages = _json(row.get("stages"))
     if not isinstance(stages, list) or len(stages) < 2:
         return []
-    lines = ["", f"Go there in {len(stages)} stages, with a look at the loop in between:", ""]
+    lines = ["", "Type in the first one now; each other one when a step has confirmed the one before:", ""]
     for i, stage in enumerate(stages[:10], 1):
         facts = stage.items() if isinstance(stage, Mapping) else ()
         told = (f"{escape(k, 20).capitalize()} {escape(_value(v), 20)}" for k, v in facts if _tells(k, v))

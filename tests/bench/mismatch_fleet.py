@@ -304,6 +304,7 @@ def furnish(rng: Rng, drawn: Drawn) -> None:
         _, pv, op = pure(drawn, 1.0)
     moved, deviation = float(np.abs(op).max()), float(np.abs(pv).max())
     rig.valve = _valve(rng, drawn, moved, deviation)
+    drawn.extra |= {"up": float(op.max() > 0.05 * moved), "down": float(op.min() < -0.05 * moved)}
     if kind.valve == "clipped":
         limit = max(moved * rng.uniform(0.3, 0.8), 1.1 * abs(float(op[-1])))
         if op[np.argmax(np.abs(op))] > 0:

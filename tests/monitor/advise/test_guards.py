@@ -13,6 +13,7 @@ from monitor.advise.evidence import NO_DOUBT, Evidence
 from monitor.advise.guards import (
     CROSSOVER_RATIO,
     EXCITED_RATIO,
+    GAIN_RATIO,
     LOADS_ALONE,
     MISFIT,
     NEAR_THE_EDGE,
@@ -57,10 +58,15 @@ def test_a_gain_below_one_has_no_crossover():
 
 
 def test_what_was_not_excited_is_not_known():
-    """Beyond twice today's crossover nothing is said; to take gain away is always allowed, of an unstable loop too."""
-    held = guards()
-    assert held.refused([Settings(0.6 * CROSSOVER_RATIO * 1.1, 200.0)]) == [NOT_EXCITED]
-    assert held.refused([Settings(0.6 * CROSSOVER_RATIO * 0.95, 200.0), Settings(0.1, 300.0)]) == ["", ""]
+    """Twice the gain, three times the crossover; to take gain away is always allowed, of an unstable loop too."""
+    held = guards(ti=1000.0)
+    assert held.refused([Settings(0.6 * GAIN_RATIO * 1.05, 1000.0)]) == [NOT_EXCITED]
+    assert held.refused([Settings(0.6 * GAIN_RATIO * 0.95, 1000.0), Settings(0.1, 300.0)]) == ["", ""]
+    slow = guards(kp=0.3, ti=5000.0)
+    quick = Settings(0.55, 12.0)
+    today, now = crossovers(slow.model, [Settings(0.3, 5000.0), quick])
+    assert now > CROSSOVER_RATIO * today
+    assert slow.refused([quick]) == [NOT_EXCITED]
     wild = guards(kp=30.0, ti=10.0)
     assert wild.refused([Settings(1.0, 60.0), Settings(20.0, 30.0)]) == ["", ""]
 
@@ -110,8 +116,8 @@ def test_what_is_gentler_than_today_is_allowed_whatever_the_error():
 
 
 def test_where_a_step_excited_more_may_be_reached():
-    """Up to four times the crossover, where an error of the model would have been seen; not after loads alone."""
-    aim = Settings(0.6 * CROSSOVER_RATIO * 1.3, 200.0)
+    """Up to four times the gain, where an error of the model would have been seen; not after loads alone."""
+    aim = Settings(0.6 * GAIN_RATIO * 1.3, 200.0)
     for bound, loads_only, why in ((0.01, False, ""), (5.0, False, NOT_EXCITED), (0.01, True, NOT_EXCITED)):
         shown = ModelError(*np.zeros((3, 0)), np.array([0.1, 0.3]), np.array([bound, bound]))
         assert guards(Evidence(misfit=shown, loads_only=loads_only)).refused([aim]) == [why]

@@ -46,6 +46,15 @@ def test_the_first_part_of_a_long_way():
     assert len(advice.stages) > 1
 
 
+def test_far_below_the_aim_more_is_borne():
+    """A quarter of the aim's gain and crossover: a model that is wrong by four is still safe there; after loads too."""
+    loop = sluggish(kp=0.1, ti=900.0)
+    for evidence in (NO_DOUBT, Evidence(loads_only=True)):
+        advice = given_advice(loop, evidence=evidence)
+        ratio, whole = float(advice.settings.kp) / 0.1, float(advice.aim.kp) / 0.1
+        assert 2.0 < ratio <= whole / 4.0
+
+
 def test_a_campaign_arrives():
     """Each part typed in, the same model found again: the aim is reached, and kept on the way."""
     facts: dict[str, Any] = dict(FAR)

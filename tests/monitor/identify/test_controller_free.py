@@ -26,8 +26,11 @@ def case_of(sp: Array, pv: Array, op: Array) -> Case:
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 @pytest.mark.parametrize(
     "block",
-    [Block(), Block(td=8.0), Block(td=8.0, tf=3.0), Block(ti=math.inf), Block(pv_filter=6.0)],
-    ids=["pi", "pid", "long filter", "p", "pv filter"],
+    [
+        *(Block(), Block(td=8.0), Block(td=8.0, tf=3.0), Block(ti=math.inf), Block(pv_filter=6.0)),
+        *(Block(b=0.0, c=0.0), Block(td=8.0, b=0.0, c=0.0)),
+    ],
+    ids=["pi", "pid", "long filter", "p", "pv filter", "i-p", "i-pd"],
 )
 def test_structures_are_found(block: Block, noise: float) -> None:
     found = without_table(case_of(*recorded(block, noise=noise)))

@@ -157,3 +157,24 @@ def test_a_quiet_stretch_alone_accuses_nobody():
     assert in_force.contradiction == ""
     looked(in_force, stretch(), after=1)
     assert "minutes" in in_force.contradiction
+
+
+def test_what_lies_before_the_settings_is_not_looked_at():
+    """A window that begins before they came into force shows what its later part alone shows."""
+    old, new = window(kp=0.6, ti=240.0), window()
+    k = 150
+    op = np.r_[old.op[:k] - 3.0, new.op[k:]]
+    whole, part = InForce(RIGHT, since=START + k * 10**9), InForce(RIGHT)
+    whole.look(EventWindow(new.time, new.sp, new.pv, op, new.before), START, START + 500 * 10**9, 1.0)
+    later = (column[k:] for column in (new.time, new.sp, new.pv, op))
+    part.look(EventWindow(*later, new.before - k), START + k * 10**9, START + 500 * 10**9, 1.0)
+    assert whole.seen is not None
+    assert whole.seen == part.seen
+
+
+def test_a_filter_and_a_scan_that_the_table_names_count():
+    """Where the data show nothing of them: a PV filter with its time constant, half of what the scan is longer."""
+    flat = EventWindow(np.arange(128.0), np.zeros(128), np.zeros(128), np.zeros(128), 128)
+    in_force = InForce(Loop(name="L", pv_filter=5.0, scan=4.0))
+    looked(in_force, flat)
+    assert in_force.extra_delay == 5.0 + 0.5 * (4.0 - 1.0)

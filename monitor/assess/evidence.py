@@ -13,6 +13,8 @@ from monitor.identify.integrals import setpoint_integrals
 from monitor.identify.uncertainty import correlation_time
 from tuners.models import INTEGRATING, SELF_REGULATING
 
+from .index import beats_dead_time
+
 LEAST_EVENT_COVERAGE = 0.8
 """Share of an event's time that must be covered by good samples."""
 MOST_SATURATED_SHARE = 0.1
@@ -162,6 +164,11 @@ def _against_fit(loop: Loop, event: ClosedEvent, fit: Fit, decided: bool) -> lis
     if fit.process == SELF_REGULATING and fit.t0 < LEAST_T0_PERIODS * event.period:
         reasons.append(
             f"sampled too coarsely: T0 = {fit.t0:.3g} s cannot be seen with a sample period of {event.period:.3g} s"
+        )
+    if beats_dead_time(event, fit):
+        reasons.append(
+            f"PV came back faster than any feedback brings it over the dead time found "
+            f"({fit.interval('dead_time')[0]:.3g} s at least): the model is wrong, or OP was moved ahead"
         )
     if loop.kp is not None and fit.gain * loop.kp < 0:
         reasons.append(

@@ -10,6 +10,8 @@ from monitor.contract.loops import Loop
 from monitor.contract.records import LOAD, SETPOINT
 from monitor.detect.event import SETTLED, ClosedEvent
 from monitor.identify.fit import Fit
+from monitor.identify.response import STEP, load_of_shape
+from tuners.models import INTEGRATING
 
 from .reference import (
     closed_loop_time,
@@ -19,10 +21,16 @@ from .reference import (
     reference_structure,
 )
 
+LEAST_ERROR_POINTS = 33
+"""Points at which the response to a load is looked at until it can be answered."""
+BELOW_LEAST_SHARE = 0.9
+"""Share of the least error that noise and the sampled integral may take off."""
+
 
 def index(loop: Loop, event: ClosedEvent, fit: Fit) -> float | None:
     """CI_sp or CI_ld: the reference's IAE over the measured one (its noise's share taken off); None where none applies.
 
+    None as well where the model would not allow so little error (`least_error`): then it is the model that is wrong.
     Of an event that was cut short the IAE is a lower bound, so CI is an upper one. It is given where the error
     had died down to a tenth of the step, and where even the bound is too low.
     """
@@ -35,12 +43,45 @@ def index(loop: Loop, event: ClosedEvent, fit: Fit) -> float | None:
     except ValueError:
         return None
     iae = event.iae - event.iae_noise
-    if not math.isfinite(best) or iae <= 0:
+    if not math.isfinite(best) or iae <= 0 or beats_dead_time(event, fit):
         return None
     still_far = abs(event.offset) > 0.1 * abs(event.amplitude)
     if event.state != SETTLED and still_far and best / iae >= loop.ci_min:
         return None
     return best / iae
+
+
+def least_error(fit: Fit, size: float, dead_time: float) -> float:
+    """Return the integrated absolute error below which no feedback comes after a step [PV s] (derived).
+
+    Until a dead time has passed nothing that a controller does shows: a set-point step leaves all of its error that
+    long. A load is seen when PV begins to move, and answered a dead time later: what it has done by then cannot be
+    helped, without a lag ``|mu Ad| theta^2/2`` integrating and ``|K Ad| theta`` self-regulating.
+
+    Parameters
+    ----------
+    size
+        Of the step: of the set point [PV], or of the load [OP].
+    dead_time
+        The shortest that is held to be possible [s].
+    """
+    if fit.size is None:
+        return abs(size) * dead_time
+    width, shape = (fit.other.width, fit.other.shape) if fit.other is not None else (0.0, STEP)
+    age = np.linspace(0.0, dead_time, LEAST_ERROR_POINTS)
+    kind = 0 if fit.process == INTEGRATING else 1
+    shown = load_of_shape(age, kind, abs(fit.gain), 0.0, fit.lag, fit.lag2, width, shape)
+    return abs(size) * float(np.mean(0.5 * (shown[1:] + shown[:-1]))) * dead_time
+
+
+def beats_dead_time(event: ClosedEvent, fit: Fit) -> bool:
+    """Whether an event left less error than the model would allow any controller; only of one that has settled."""
+    if event.state != SETTLED:
+        return False
+    size = event.amplitude if fit.size is None else fit.size
+    return event.iae - event.iae_noise < BELOW_LEAST_SHARE * least_error(
+        fit, size, fit.interval("dead_time")[0]
+    )
 
 
 def overshoot(event: ClosedEvent) -> float:

@@ -30,8 +30,6 @@ class Valve:
         """Factor on the plant's gain with OP and PV (both as deviations) at rest there."""
         if self.kind == "percentage":
             return math.exp(self.first * op)
-        if self.kind == "direction":
-            return self.first if op > 0 else self.second
         if self.kind in {"drum", "root"}:
             return float(_level_factor(VALVES.index(self.kind), level, self.first, self.second))
         return 1.0

@@ -68,6 +68,8 @@ def rivals(event: ClosedEvent, shown: Shown) -> tuple[Fit, ...]:
         direct = _both_kinds(event)
     mine = next((f for f in direct if f.process == kind), shown.fit)
     others = [replace(f, extra_delay=shown.fit.extra_delay) for f in direct if f.process != kind]
+    if shown.contradiction:  # one event is not enough against what the table declares
+        return tuple(f for f in others if f.gain * mine.gain > 0)
     if event.kind == LOAD_STEP:  # likelihoods are those of a load that steps: it may not have
         likely = [f for f in others if f.gain * mine.gain > 0 and f.sigma <= LIKELY_LOAD_RATIO * mine.sigma]
         return tuple(f for f in likely if is_explained(f, event))

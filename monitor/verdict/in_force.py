@@ -224,7 +224,9 @@ class InForce:
         """Take over what a window shows, while the table is believed, or was never seen to be right."""
         if found.said == CONTRADICTED and not self._confirmed:
             self.contradiction = found.cause
-            return self._are(found, start)
+            self._are(found, start)
+            self.change = None  # nobody has retuned what was never seen to be right
+            return False
         self.contradiction = self._law
         if found.said in {AS_DECLARED, BESIDE}:
             self._confirmed = True

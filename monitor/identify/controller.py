@@ -18,7 +18,7 @@ from monitor.detect.event import EventWindow
 from tuners.settings import NotRepresentableError
 
 from .controller_case import FREE, NOWHERE, Case, settings_of_gains
-from .controller_cause import ALIKE_RATIO, cause_of, same
+from .controller_cause import cause_of
 from .controller_fit import (
     EXACT_SHARE,
     MOST_JUMPS_SHARE,
@@ -44,7 +44,7 @@ from .controller_judge import (
     well,
 )
 from .controller_law import INTEGRAL, P, columns, compared
-from .controller_other import WEIGHTS, setpoint_inside, varying_gain
+from .controller_other import WEIGHTS, recorded_filter, setpoint_inside, varying_gain
 from .controller_rows import LEAST_ROWS, Rows, lay_out
 from .controller_seen import (
     AS_DECLARED,
@@ -62,8 +62,8 @@ LEAST_EXACT_ROWS = 7
 """Rows that show a law that leaves nothing."""
 LEAST_FILTER_PERIODS = 0.05
 """A PV filter shorter than this is none."""
-MOST_TF_SHARE = 0.03
-"""Share of the derivative time up to which a derivative has no filter."""
+PACED_LEVELS, PACED_MOVES = 0.9, 0.5
+"""Shares of OP's levels and moves that the table explains of a controller that runs between the rows."""
 FAR_RATIO = 2.0
 """Ratio to the ends of its interval from which kp is hardly known."""
 
@@ -87,6 +87,9 @@ def see_controller(window: EventWindow, period: float, loop: Loop) -> Controller
             found = _as_declared(case.settled())
             if found is not None:
                 return found
+        odd = _at_odd_pace(as_recorded) if rows.pace else None
+        if odd is not None:
+            return odd
     found = None
     for case in [*paced[:1], as_recorded]:
         if len(case.rows) >= LEAST_ROWS and (found is None or found.said == UNRESOLVED):
@@ -145,6 +148,23 @@ def _other_weights(rows: Rows, known: Known, present: float, jumps: int) -> Know
         if found is not None and len(found[0]) < jumps and not np.any(np.diff(rows.sp)[found[0] - 1]):
             return other
     return None
+
+
+def _at_odd_pace(case: Case) -> Controller | None:
+    """Return what is said where the table explains OP at the moves of a controller whose pace is not the rows'.
+
+    It ran between two rows: PV was that of the row before, or near to the row at which OP has moved. That it is slow
+    shows in OP alone, so that its law need not be explained as well as at other times.
+    """
+    known, best = case.known, None
+    for late in (1, 0):
+        moved = replace(case, rows=case.rows.at_moves(late)).settled()
+        if np.count_nonzero(moved.rows.use) < LEAST_EXACT_ROWS or moved.rows.quantum > 0.0:
+            continue
+        levels, moves = (explained(moved.rows, known, known.gains, NOWHERE, walk) for walk in (0.0, 1.0))
+        if levels > PACED_LEVELS and moves > PACED_MOVES and (best is None or moves > best[0]):
+            best = moves, levels, moved
+    return None if best is None else _declared(best[2], NOWHERE, best[1])
 
 
 def _set_point_said(case: Case) -> Controller | None:
@@ -207,6 +227,10 @@ def _searched(case: Case) -> Controller:
     moved = _set_point_said(case)
     if moved is not None:
         return moved
+    filtered = recorded_filter(whole, known)
+    if filtered:
+        words = f"PV is recorded through a filter of {filtered:.3g} s that the controller does not see"
+        return case.controller(BESIDE, None, NOWHERE, 1.0, words)
     case, walk, best = free_fit(case)
     rows = case.rows
     share = explained(rows, known, known.gains, NOWHERE, 0.0)
@@ -217,10 +241,6 @@ def _searched(case: Case) -> Controller:
         other = against(known, best, rows, exact=True) and (
             known.derivative or far(known, best) or is_exact(rows, known, best, VERY_LITTLE_SHARE)
         )
-        filtered = _recorded_filtered(case, best) if other else 0.0
-        if filtered:
-            words = f"PV is recorded through a filter of {filtered:.3g} s that the controller does not see"
-            return case.controller(BESIDE, None, NOWHERE, 1.0, words)
         if is_drawn(rows) or not other:
             return _declared(case, NOWHERE, share, "", best)
         return _contradicted(case, best, share)
@@ -236,23 +256,6 @@ def _searched(case: Case) -> Controller:
     if free.place.squares <= FAR_BETTER * best.place.squares:
         best = free
     return _judged(case, whole, best, (share, min(s0, s1), walk))
-
-
-def _recorded_filtered(case: Case, found: Estimate) -> float:
-    """Return the time constant of a filter through which PV is recorded, where that makes the difference [s]; or 0.
-
-    A PI of the PV before a filter is a series PID of the PV behind it, with the filter's time constant as derivative
-    time and without a derivative filter of its own (derived; no block has such a derivative).
-    """
-    own, seen = case.loop.settings, settings_of_gains(found.gains, case.known)
-    if own is None or own.td != 0 or seen is None or case.known.tf > MOST_TF_SHARE * seen.td:
-        return 0.0
-    try:
-        series = replace(seen, tf=0.0).to("series")
-    except NotRepresentableError:
-        return 0.0
-    pairs = ((series.kp, own.kp), (series.ti, own.ti))
-    return float(series.td) if all(same(float(a), float(b), ALIKE_RATIO) for a, b in pairs) else 0.0
 
 
 def _judged(case: Case, whole: Rows, best: Estimate, facts: tuple[float, float, float]) -> Controller:

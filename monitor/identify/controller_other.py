@@ -10,7 +10,7 @@ import numpy as np
 from monitor.compiled import jit
 from monitor.contract.samples import Array
 
-from .controller_fit import Known, Place, explained
+from .controller_fit import EXACT_SHARE, Known, Place, explained
 from .controller_law import INTEGRAL, START, D, P, columns, compared, judged, products, solved, whitened
 from .controller_rows import Rows
 
@@ -54,6 +54,8 @@ SECOND_DIFFERENCE_SD = 1.652
 """Median size of white noise's second differences, over its standard deviation: sqrt(6) times 0.6745."""
 GAP_GAIN_SHARE = 0.8
 """Most gain within a gap, as a share of that outside."""
+RAMPED, FILTERED, UNFILTERED = 0, 1, 2
+"""Other inputs of the law: a set point that the block ramps, or filters; PV before the historian's filter."""
 SQUARED, GAP = 0, 1
 """Laws with a varying gain: it grows with the error; it is another one within a gap around zero."""
 
@@ -89,31 +91,45 @@ def working_setpoint(time, sp, rate, lag):
 
 
 @jit
-def _rest_inside(rows, law, gains, size, ramp, at):
-    """Return what known gains leave of OP (standard deviation), and the law's own movement, with such a set point.
+def unfiltered(time, pv, lag):
+    """Return what went into a first-order filter (backward difference) of which PV came out; (n,) [PV]."""
+    out = pv.copy()
+    for k in range(1, len(pv)):
+        out[k] = pv[k] + lag * (pv[k] - pv[k - 1]) / (time[k] - time[k - 1])
+    return out
 
-    It takes ``exp(at)`` seconds over a move of ``size``, or is a filter's time constant.
+
+@jit
+def _rest_inside(rows, law, gains, size, kind, at):
+    """Return what known gains leave of OP (standard deviation), and the law's own movement, by other inputs.
+
+    By kind: a set point that takes ``exp(at)`` seconds over a move of ``size``; one through a filter of that time
+    constant; PV before such a filter.
     """
     time, sp, pv, op, use, fresh = rows
     seconds = math.exp(at)
-    x = columns(time, working_setpoint(time, sp, size / seconds if ramp else 0.0, seconds), pv, law, 0.0, 0)
+    if kind == UNFILTERED:
+        pv = unfiltered(time, pv, seconds)
+    else:
+        sp = working_setpoint(time, sp, size / seconds if kind == RAMPED else 0.0, seconds)
+    x = columns(time, sp, pv, law, 0.0, 0)
     _, rest, _, moved, _ = compared(x, gains, op, use, fresh, math.inf, 0.0)
     return rest, moved
 
 
 @jit
-def _search_inside(rows, law, gains, size, ramp, low, high):
-    """Return where between ``low`` and ``high`` (ln s) such a set point leaves least of OP."""
+def _search_inside(rows, law, gains, size, kind, low, high):
+    """Return where between ``low`` and ``high`` (ln s) such inputs leave least of OP."""
     step = (high - low) / (GRID - 1)
     best, least = low, math.inf
     for k in range(GRID):
-        rest = _rest_inside(rows, law, gains, size, ramp, low + k * step)[0]
+        rest = _rest_inside(rows, law, gains, size, kind, low + k * step)[0]
         if rest < least:
             best, least = low + k * step, rest
     for _ in range(HALVINGS):
         step *= 0.5
         for at in (best - step, best + step):
-            rest = _rest_inside(rows, law, gains, size, ramp, at)[0]
+            rest = _rest_inside(rows, law, gains, size, kind, at)[0]
             if rest < least:
                 best, least = at, rest
     return best
@@ -128,12 +144,12 @@ def setpoint_inside(rows: Rows, known: Known) -> Inside | None:
     told = (rows.time, rows.sp, rows.pv, rows.op, rows.use, rows.fresh)
     law, gains = known.law(rows), known.gains
     low, high = math.log(LEAST_PERIODS * rows.period), math.log(float(rows.time[-1] - rows.time[0]))
-    at_once = _rest_inside(told, law, gains, size, True, low - AT_ONCE_LN)[0]
+    at_once = _rest_inside(told, law, gains, size, RAMPED, low - AT_ONCE_LN)[0]
     found = []
-    for ramp in (True, False):
-        at = _search_inside(told, law, gains, size, ramp, low, high)
-        left = _rest_inside(told, law, gains, size, ramp, at)[0]
-        inside = Inside(size / math.exp(at), 0.0) if ramp else Inside(0.0, math.exp(at))
+    for kind in (RAMPED, FILTERED):
+        at = _search_inside(told, law, gains, size, kind, low, high)
+        left = _rest_inside(told, law, gains, size, kind, at)[0]
+        inside = Inside(size / math.exp(at), 0.0) if kind == RAMPED else Inside(0.0, math.exp(at))
         moved = replace(rows, sp=working_setpoint(rows.time, rows.sp, inside.rate, inside.lag))
         if (
             left < INSIDE_REST_SHARE * at_once
@@ -141,6 +157,22 @@ def setpoint_inside(rows: Rows, known: Known) -> Inside | None:
         ):
             found.append((left, inside))
     return min(found, key=lambda f: f[0])[1] if found else None
+
+
+def recorded_filter(rows: Rows, known: Known) -> float:
+    """Return the time constant of a filter behind which PV is recorded, where that leaves nothing of OP [s]; or 0.
+
+    The controller sees PV before that filter, which only the historian has.
+    """
+    if rows.stride > 1:
+        return 0.0
+    known_before = np.arange(len(rows)) > 0  # of the first row, what came before is not known
+    told = (rows.time, rows.sp, rows.pv, rows.op, rows.use & known_before, rows.fresh)
+    law, gains = known.law(rows), known.gains
+    low, high = math.log(0.25 * rows.period), math.log(0.5 * float(rows.time[-1] - rows.time[0]))
+    at = _search_inside(told, law, gains, 0.0, UNFILTERED, low, high)
+    left, moved = _rest_inside(told, law, gains, 0.0, UNFILTERED, at)
+    return math.exp(at) if left <= max(EXACT_SHARE * moved, 0.6 * rows.quantum) else 0.0
 
 
 @jit

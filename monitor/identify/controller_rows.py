@@ -27,6 +27,8 @@ LEAST_MOVES = 6
 """Moves of OP below which nothing is said of a controller, nor of how often it runs."""
 MOST_SCAN_ROWS = 64
 """Rows between two runs of a controller that are looked for."""
+LEAST_PACE_ROWS, MOST_UNEVEN_ROWS = 1.2, 1.5
+"""Rows between two runs from which a pace is a slow one; rows by which the moves may stray from an even pace."""
 OFF_SCAN_SHARE = 0.02
 """Share of OP's moves that may come beside the controller's own pace."""
 
@@ -55,6 +57,8 @@ class Rows:
     """The first row at which it ran."""
     stride: int = 1
     """Samples to a row of a thinned window, whose OP is their mean."""
+    pace: float = 0.0
+    """Rows from one run of the controller to the next where that is no whole number; 0 where it is [rows]."""
 
     def __len__(self) -> int:
         return len(self.time)
@@ -94,6 +98,22 @@ class Rows:
             phase=0,
         )
 
+    def at_moves(self, late: int) -> Rows:
+        """Return the rows at which OP moves, with the inputs of ``late`` rows before: a run lies between two rows."""
+        at = np.flatnonzero(np.diff(self.op)) + 1
+        return replace(
+            self,
+            time=self.time[at],
+            sp=self.sp[at - late],
+            pv=self.pv[at - late],
+            op=self.op[at],
+            use=self.use[at],
+            fresh=np.concatenate([[True], np.diff(at) > WIDE_PERIODS * self.pace]),
+            period=self.pace * self.period,
+            before=int(np.searchsorted(at, self.before)),
+            pace=0.0,
+        )
+
 
 def lay_out(window: EventWindow, period: float, loop: Loop) -> Rows | None:
     """Return the window's rows at full rate; None where there are too few, or OP does not move.
@@ -124,11 +144,12 @@ def lay_out(window: EventWindow, period: float, loop: Loop) -> Rows | None:
     fresh = np.concatenate([[True], np.diff(time) > WIDE_PERIODS * own])
     regular = stride == 1 and not fresh[1:].any()
     scan, phase = scan_rows(op) if regular else (1, 0)
-    use = ~_at_limit(op, sp - pv, loop, quantum, scan)
+    pace = odd_pace(op) if regular and scan == 1 else 0.0
+    use = ~_at_limit(op, sp - pv, loop, quantum, max(scan, round(pace)))
     if stride > 1:
         use[-1] = False  # the last mean may not be whole
         use[np.flatnonzero(np.diff(sp))] = False  # nor of one set point
-    rows = Rows(time, sp, pv, op, use, fresh, own, quantum, window.before - first, scan, phase, stride)
+    rows = Rows(time, sp, pv, op, use, fresh, own, quantum, window.before - first, scan, phase, stride, pace)
     return rows if np.count_nonzero(use) >= LEAST_ROWS else None
 
 
@@ -143,6 +164,17 @@ def scan_rows(op: Array) -> tuple[int, int]:
         if len(at) - phases[best] <= OFF_SCAN_SHARE * len(at):
             return step, best
     return 1, 0
+
+
+def odd_pace(op: Array) -> float:
+    """Return how many rows pass from one run of the controller to the next where that is no whole number; else 0."""
+    gaps = np.diff(np.flatnonzero(np.diff(op)))
+    if len(gaps) < LEAST_MOVES or np.max(gaps) - np.min(gaps) != 1:
+        return 0.0
+    pace = float(np.mean(gaps))
+    # the runs of a clock are never further from even steps than a row
+    steps = np.concatenate([[0], np.cumsum(gaps)]) - pace * np.arange(len(gaps) + 1)
+    return pace if pace > LEAST_PACE_ROWS and float(np.ptp(steps)) < MOST_UNEVEN_ROWS else 0.0
 
 
 def _moves(values: Array) -> bool:

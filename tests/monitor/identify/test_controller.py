@@ -60,6 +60,38 @@ def test_what_lies_beside_the_table_is_found(block: Block, delay: float, event: 
     assert found.delay == pytest.approx(delay, rel=0.02)
 
 
+def test_a_controller_that_runs_between_the_samples() -> None:
+    """Each 5 s, recorded each 2 s."""
+    columns = [c[::2] for c in recorded(Block(scan=5), n=1200, noise=0.05)]
+    found = see_controller(window_of(*columns, before=64, period=2.0), 2.0, Block().facts())
+    assert found is not None
+    assert found.said == BESIDE
+    assert found.scan == pytest.approx(5.0, rel=0.02)
+    assert found.delay == pytest.approx(1.5, rel=0.05)
+
+
+def test_set_point_weights_and_a_ramp_inside_the_block() -> None:
+    for noise in (0.0, 0.1):
+        found = seen(window_of(*recorded(Block(b=0.0, c=0.0), noise=noise)), Block().facts())
+        assert (found.said, found.setpoint_only) == (CONTRADICTED, True)
+        assert "no kick" in found.cause
+        found = seen(window_of(*recorded(Block(ramp=0.05), noise=noise)), Block().facts())
+        assert found.said == BESIDE
+        assert "ramp" in found.cause
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_pv_that_is_recorded_through_a_filter_is_no_derivative(noise: float) -> None:
+    sp, pv, op = recorded(Block(), noise=noise)
+    smooth = pv.copy()
+    for k in range(1, len(pv)):
+        smooth[k] = smooth[k - 1] + 0.2 * (pv[k] - smooth[k - 1])
+    found = seen(window_of(sp, smooth, op), Block().facts())
+    assert found.said == BESIDE
+    assert found.delay == 0.0
+    assert "recorded through a filter of 4 s" in found.cause
+
+
 @pytest.mark.parametrize("event", EVENTS)
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 @pytest.mark.parametrize(

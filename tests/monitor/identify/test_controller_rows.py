@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from monitor.contract.loops import Loop
 from monitor.detect.event import EventWindow
-from monitor.identify.controller_rows import lay_out, scan_rows
+from monitor.identify.controller_rows import lay_out, odd_pace, scan_rows
 from tests.support.controllers import Block, recorded, window_of
 
 
@@ -36,6 +37,15 @@ def test_the_pace_of_the_controller_is_seen_in_its_moves() -> None:
     _, _, op = recorded(Block(), noise=0.1)
     assert scan_rows(op)[0] == 1
     assert scan_rows(np.round(op, 0))[0] == 1
+
+
+def test_a_pace_that_is_no_whole_number_of_rows() -> None:
+    _, _, op = recorded(Block(scan=5), n=800, noise=0.1)
+    assert odd_pace(op[::2]) == pytest.approx(2.5, rel=0.01)
+    assert odd_pace(op) == 0.0
+    _, _, op = recorded(Block(), noise=0.1)
+    assert odd_pace(op) == 0.0
+    assert odd_pace(np.round(op, 1)) == 0.0
 
 
 def test_a_rounded_output_is_known_by_its_step() -> None:

@@ -182,8 +182,8 @@ class Drawn:
     law: Law
     """Settings at first."""
     table: Loop
-    samples_in_scan: float
-    """Recorded samples in an execution; below 1 where the controller is the faster."""
+    structure: str
+    """By which the loop is judged: what a suggestion may use."""
     every: int
     """Fine steps in a recorded sample."""
     size: float = 1.0
@@ -257,7 +257,7 @@ def _loop(rng: Rng, kind: Kind, number: int, event: str) -> Drawn:
         name=name, process=said, form=law.form, kp=law.kp, ti=law.ti, td=law.td, b=law.b, c=law.c,
         controller="" if kind.block == "p" else "pid" if law.td > 0 or rng.random() < 0.3 else "pi",
     )  # fmt: skip
-    drawn = Drawn(kind, number, event, rig, law, table, scan / every, every)
+    drawn = Drawn(kind, number, event, rig, law, table, table.structure, every)
     drawn.pv0, drawn.op0 = float(rng.uniform(-100, 100)), float(rng.uniform(30, 70))
     drawn.extra["wait"] = wait
     return drawn

@@ -88,7 +88,7 @@ def indices(drawn: Drawn, law: Law) -> dict[str, float]:
 
 
 def _index(drawn: Drawn, law: Law, kind: str) -> float:
-    loop = Loop(name="x", controller=_structure(drawn.law), b=law.b, c=law.c)
+    loop = Loop(name="x", controller=drawn.structure, b=law.b, c=law.c)
     model, structure = model_of(drawn), reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), drawn.period)
     rig = Rig(drawn.rig.plant, linearised(drawn, law), drawn.rig.step, drawn.rig.scan, Valve())
@@ -100,7 +100,3 @@ def _index(drawn: Drawn, law: Law, kind: str) -> float:
         if error[-chunk // 4 :].sum() * drawn.rig.step < 1e-4 * iae or not math.isfinite(iae):
             break
     return reference_iae(kind, 1.0, model, structure, tc, loop.b, loop.c) / iae
-
-
-def _structure(law: Law) -> str:
-    return "p" + "i" * math.isfinite(law.ti) + "d" * (law.td > 0)

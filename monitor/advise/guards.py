@@ -37,6 +37,8 @@ LOADS_GAIN_RATIO = 2.0
 """Of the gain in today's, after load steps alone."""
 WRONG_RATIO = 4.0
 """Factor by which a model may be wrong, for a gain and a crossover that lie so far below those of the aim."""
+LOADS_TIME_RATIO = 2.0
+"""Of today's integral time in the new one, after load steps alone, which tell little of a dead time."""
 LEAST_LEAD_SHARE = 0.5
 """Of the derivative time in today's, after load steps alone: to take lead away is a change of the loop, too."""
 ONCE_RATIO = 4.0
@@ -45,19 +47,22 @@ SOFT_DISTANCE = 0.1
 """Least abs(1 + L) that the mode which explains most may leave after a soft step."""
 SOFT_RATIO = 1.25
 """Of gain and crossover in today's, where the model's error forbids everything."""
+LEAST_GAIN_SHARE = 1.0 / 3.0
+"""Of the gain in today's, at once, where nothing is urgent: a model may be wrong."""
 LITTLE_MORE_RATIO = 1.2
 """Gain on trial: where it lowers Ms the loop swings for want of gain, by too much integral action."""
 SAFER_SHARE = 0.9
 """Share of today's Ms below which settings that are no good are at least better."""
 CROSSOVER_POINTS = 160
 """Frequencies at which a crossover is looked for: 4 to 5 decades at 6 % a step."""
-OTHER_KIND, MISFIT, NOT_EXCITED, LOADS_ALONE, IN_PARTS, NEAR_THE_EDGE = (
+OTHER_KIND, MISFIT, NOT_EXCITED, LOADS_ALONE, IN_PARTS, NEAR_THE_EDGE, FAR_SLOWER = (
     "the events do not exclude the other kind of process",
     "the model leaves more unexplained than noise does",
     "what the events have not excited is not known",
     "after load steps alone no more than twice the gain at a time, and no new derivative",
     "no more than four times the gain at a time",
     "the loop is too close to instability for more gain",
+    "no less than a third of the gain at a time",
 )
 """Why settings are refused, in words."""
 
@@ -101,6 +106,7 @@ class Guards:
             (LOADS_ALONE, self._after_loads(many)),
             (IN_PARTS, self._at_once(many, ONCE_RATIO)),
             (NEAR_THE_EDGE, self._near_the_edge(many)),
+            (FAR_SLOWER, self._far_slower(many)),
         )
         return [next((why for why, where in checks if where[k]), "") for k in range(len(many))]
 
@@ -133,6 +139,14 @@ class Guards:
     def lead_withheld(self) -> bool:
         """Whether load steps alone do not allow a derivative, as there is none today."""
         return self.today is not None and self.evidence.loads_only and float(self.today.td) == 0
+
+    def _far_slower(self, many: list[Settings]) -> Flags:
+        """Where most of the gain is taken from a loop that the model does not call too close to instability."""
+        less = ~self._at_once(many, LEAST_GAIN_SHARE)
+        if self.today is None or not np.any(less):
+            return np.zeros(len(many), dtype=bool)
+        (peak,) = worst_peaks(self.model, self.today)
+        return np.asarray(less & bool(peak <= self.most_ms))
 
     def _near_the_edge(self, many: list[Settings]) -> Flags:
         """Where gain is added to a loop that the model calls too close to instability, unless it is gain it wants."""
@@ -194,9 +208,14 @@ class Guards:
         """Where more is asked for than load steps alone can show."""
         if self.today is None or not self.evidence.loads_only:
             return np.zeros(len(many), dtype=bool)
-        td = np.array([float(s.td) for s in many])
+        td, ti = (np.array([float(getattr(s, name)) for s in many]) for name in ("td", "ti"))
+        aim = self.today if self.aim is None else self.aim
+        quicker = max(
+            LOADS_TIME_RATIO, min(float(self.today.ti) / float(aim.ti) / WRONG_RATIO, EXCITED_RATIO)
+        )
+        reset = ti * quicker * (1.0 + 1e-9) < float(self.today.ti)
         lead = (td > 0) & self.lead_withheld | (td < LEAST_LEAD_SHARE * float(self.today.td))
-        return np.asarray(self._at_once(many, max(LOADS_GAIN_RATIO, self._far_below()[0])) | lead)
+        return np.asarray(self._at_once(many, max(LOADS_GAIN_RATIO, self._far_below()[0])) | lead | reset)
 
     def _far_below(self) -> tuple[float, float]:
         """Return the ratios of gain and crossover, far below the aim, that bear a model which is wrong by a factor."""

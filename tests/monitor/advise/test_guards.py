@@ -13,6 +13,7 @@ from monitor.advise.evidence import NO_DOUBT, Evidence
 from monitor.advise.guards import (
     CROSSOVER_RATIO,
     EXCITED_RATIO,
+    FAR_SLOWER,
     GAIN_RATIO,
     LOADS_ALONE,
     MISFIT,
@@ -61,7 +62,7 @@ def test_what_was_not_excited_is_not_known():
     """Twice the gain, three times the crossover; to take gain away is always allowed, of an unstable loop too."""
     held = guards(ti=1000.0)
     assert held.refused([Settings(0.6 * GAIN_RATIO * 1.05, 1000.0)]) == [NOT_EXCITED]
-    assert held.refused([Settings(0.6 * GAIN_RATIO * 0.95, 1000.0), Settings(0.1, 300.0)]) == ["", ""]
+    assert held.refused([Settings(0.6 * GAIN_RATIO * 0.95, 1000.0), Settings(0.25, 300.0)]) == ["", ""]
     slow = guards(kp=0.3, ti=5000.0)
     quick = Settings(0.55, 12.0)
     today, now = crossovers(slow.model, [Settings(0.3, 5000.0), quick])
@@ -71,10 +72,16 @@ def test_what_was_not_excited_is_not_known():
     assert wild.refused([Settings(1.0, 60.0), Settings(20.0, 30.0)]) == ["", ""]
 
 
+def test_most_of_the_gain_is_not_taken_at_once_where_nothing_is_urgent():
+    assert guards().refused([Settings(0.1, 300.0), Settings(0.25, 300.0)]) == [FAR_SLOWER, ""]
+    assert guards(kp=6.0).refused([Settings(0.6, 300.0)]) == [""]
+
+
 def test_after_loads_alone_less_is_asked_for():
     held = guards(Evidence(loads_only=True), kp=0.2)
     lead = Settings(0.2, 200.0, 2.0, 0.2)
     assert held.refused([Settings(0.45, 300.0), lead, Settings(0.3, 200.0)])[1:] == [LOADS_ALONE, ""]
+    assert held.refused([Settings(0.2, 90.0), Settings(0.2, 110.0)]) == [LOADS_ALONE, ""]
     assert held.lead_withheld
     assert not guards(Evidence(loads_only=True), td=1.0).lead_withheld
     assert not guards().lead_withheld

@@ -37,7 +37,7 @@ LOADS_GAIN_RATIO = 2.0
 """Of the gain in today's, after load steps alone."""
 WRONG_RATIO = 4.0
 """Factor by which a model may be wrong, for a gain and a crossover that lie so far below those of the aim."""
-LOADS_TIME_RATIO = 2.0
+LOADS_TIME_RATIO = 4.0
 """Of today's integral time in the new one, after load steps alone, which tell little of a dead time."""
 LEAST_LEAD_SHARE = 0.5
 """Of the derivative time in today's, after load steps alone: to take lead away is a change of the loop, too."""
@@ -209,11 +209,7 @@ class Guards:
         if self.today is None or not self.evidence.loads_only:
             return np.zeros(len(many), dtype=bool)
         td, ti = (np.array([float(getattr(s, name)) for s in many]) for name in ("td", "ti"))
-        aim = self.today if self.aim is None else self.aim
-        quicker = max(
-            LOADS_TIME_RATIO, min(float(self.today.ti) / float(aim.ti) / WRONG_RATIO, EXCITED_RATIO)
-        )
-        reset = ti * quicker * (1.0 + 1e-9) < float(self.today.ti)
+        reset = ti * LOADS_TIME_RATIO * (1.0 + 1e-9) < float(self.today.ti)
         lead = (td > 0) & self.lead_withheld | (td < LEAST_LEAD_SHARE * float(self.today.td))
         return np.asarray(self._at_once(many, max(LOADS_GAIN_RATIO, self._far_below()[0])) | lead | reset)
 

@@ -81,7 +81,7 @@ def test_after_loads_alone_less_is_asked_for():
     held = guards(Evidence(loads_only=True), kp=0.2)
     lead = Settings(0.2, 200.0, 2.0, 0.2)
     assert held.refused([Settings(0.45, 300.0), lead, Settings(0.3, 200.0)])[1:] == [LOADS_ALONE, ""]
-    assert held.refused([Settings(0.2, 90.0), Settings(0.2, 110.0)]) == [LOADS_ALONE, ""]
+    assert held.refused([Settings(0.2, 45.0), Settings(0.2, 55.0)]) == [LOADS_ALONE, ""]
     assert held.lead_withheld
     assert not guards(Evidence(loads_only=True), td=1.0).lead_withheld
     assert not guards().lead_withheld

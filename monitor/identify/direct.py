@@ -202,7 +202,9 @@ def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None, other_loads: bo
     ):
         found = _one_lag(w, best)
     else:
-        found = _two_lags(w, best, rss / n_eff)
+        n, m = len(w.points.at), len(rest)
+        beyond = max(rss / m - w.quiet**2 * (m / n if w.means else 1.0), 0.0)
+        found = _two_lags(w, best, rss / n_eff, beyond * m)
     residual = np.empty(len(w.points.at))
     evaluate(w.points, found.p, residual)
     if found.gain == 0.0 or not (math.isfinite(found.gain) and np.isfinite(residual).all()):
@@ -249,20 +251,21 @@ def _one_lag(w: SearchWindow, start: Array) -> _Optimum:
         columns[:, 3] = of_second_lag(w, p, gain, load)
     elif w.kind >= 2:
         columns = np.insert(columns, 3, of_loads_lag(w.points, w.with_load(LAG).points, p, load), axis=1)
-    scatter = tangent_scatter(residual, columns, t0, step, w.kind >= 2)
+    scatter = tangent_scatter(residual, columns, t0, step, w.quiet, w.kind >= 2)
     return _Optimum(p, gain, load, scatter, None)
 
 
-def _two_lags(w: SearchWindow, start: Array, noise: float) -> _Optimum:
+def _two_lags(w: SearchWindow, start: Array, noise: float, beyond: float) -> _Optimum:
     """Return the model in the middle of the valley.
 
-    ``start`` is the best model of the blocks, ``noise`` the power of an independent one of their residuals [PV^2].
+    ``start`` is the best model of the blocks, ``noise`` the power of an independent one of their residuals,
+    ``beyond`` that of what is no noise in them [PV^2].
     """
     best = start
     t = w.points.at
     if len(t) > len(w.blocks.at):
         best = descend(w.points, start, w.free(EVERY), 0.0, 8, 1e-7)[0]
-    cov = covariance_by_tangents(w, start, noise)
+    cov = covariance_by_tangents(w, start, noise + beyond)
     # a prior of one sigma costs as much as one sigma of noise
     prior = noise / SECOND_LAG_SHARE**2
     stride = max(0.5 * math.sqrt(cov[3, 3]), 1e-6 * float(t[-1] - t[0]))

@@ -106,7 +106,8 @@ def indirect_fit(window: EventWindow, period: float, settings: Settings, start: 
     model = (scans.sign * math.exp(p[0]), float(p[1]), float(p[2]), start.lag2)
     # secants of 5 %: at a lag of zero the tangents of lag and dead time coincide
     jacobian = _jacobian(scans, p, residual, 0.05)
-    scatter = tangent_scatter(residual, jacobian, float(p[1] + p[2]), period)
+    quiet = float(np.std(residual))  # after the direct fit's, whose noise it is
+    scatter = tangent_scatter(residual, jacobian, float(p[1] + p[2]), period, quiet)
     return with_uncertainty(start.process, model, scans.time, scans.y, residual, scatter, period, INDIRECT)
 
 

@@ -190,7 +190,9 @@ def of_loads_lag(w: Columns, through: Columns, p: Array, load: float) -> Array:
     return np.asarray(load * (unit_responses(through, q)[1] - unit_responses(w, p)[1]))
 
 
-def tangent_scatter(residual: Array, jacobian: Array, t0: float, step: float, shape: bool = False) -> Array:
+def tangent_scatter(
+    residual: Array, jacobian: Array, t0: float, step: float, quiet: float, shape: bool = False
+) -> Array:
     """Return the (3, 3) covariance of (ln |gain|, lag, dead time) by tangents, the residuals' correlation considered.
 
     Parameters
@@ -199,17 +201,22 @@ def tangent_scatter(residual: Array, jacobian: Array, t0: float, step: float, sh
         (n, k): PV's change per unit of ln |gain|, of lag, of dead time [s], and of whatever else was fitted.
     t0, step
         Lags and dead time together, and the sample period [s].
+    quiet
+        Standard deviation that the residuals may have by noise alone [PV].
     shape
         The fourth column is `of_second_lag` or `of_loads_lag`.
     """
     n = len(residual)
     power = float(residual @ residual) / max(n - 6, 1)
+    # what is no noise is one disturbance of unknown shape: it may all lie along what moves a parameter
+    beyond = max(power - quiet**2, 0.0)
     # lag and dead time are parts of T0: where the data cannot tell them apart, neither exceeds it by much
     prior = np.zeros(jacobian.shape[1])
     prior[:3] = 1e-2, 1.0 / (t0 + step) ** 2, 1.0 / (t0 + step) ** 2
     if shape:
         prior[3] = 1.0
-    information = jacobian.T @ jacobian / max(power * correlation_time(residual), 1e-300) + np.diag(prior)
+    information = jacobian.T @ jacobian / max(power * correlation_time(residual) + beyond * n, 1e-300)
+    information += np.diag(prior)
     return np.asarray(np.linalg.pinv(information)[:3, :3], dtype=np.float64)
 
 

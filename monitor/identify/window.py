@@ -26,6 +26,8 @@ from .projection import (
 )
 from .response import STEP
 
+QUIET_SIGMAS = 3.0
+"""Standard deviations by which the residuals' variance may exceed that of the noise before the event by chance."""
 NOISE_FREE_SHARE = 1e-3
 """Standard deviation of PV's noise when quiet, as a share of PV's in the event, that is none: no mean of it is needed,
 and means blur OP and PV."""
@@ -47,8 +49,12 @@ class SearchWindow:
     """(m,) of the blocks, likewise [PV]."""
     noise: float
     """Standard deviation of PV's noise before the event [PV]."""
+    quiet: float
+    """Most that residuals may have as theirs by noise alone, coloured as it was before the event [PV]."""
     period: float | None
     """Sample period, if known [s]."""
+    means: bool = True
+    """The blocks are means."""
 
     @property
     def kind(self) -> int:
@@ -108,13 +114,16 @@ def search_window(
     kind = (0 if process == INTEGRATING else 1) + (2 if load else 0)
     t, u, y = (np.ascontiguousarray(x) for x in (window.time, op_from_rest(window, load), window.pv))
     noise = _noise(window, load)
-    if two_lags and noise <= NOISE_FREE_SHARE * float(np.std(y)):
+    picked = two_lags and noise <= NOISE_FREE_SHARE * float(np.std(y))
+    if picked:
         size = (len(t) + MOST_POINTS - 1) // MOST_POINTS
         few = (t[::size].copy(), t, u, y[::size].copy())
     else:
         at, mean, since, held = blocks(t, u, y, MOST_POINTS)
         few = (at, since, held, mean)
-    return SearchWindow(columns((t, t, u, y), kind), columns(few, kind), y, few[-1], noise, period)
+    quiet = _quiet(window, load, noise)
+    points = columns((t, t, u, y), kind)
+    return SearchWindow(points, columns(few, kind), y, few[-1], noise, quiet, period, not picked)
 
 
 def columns(
@@ -140,6 +149,16 @@ def _noise(window: EventWindow, load: bool) -> float:
     """Return the standard deviation of PV's white noise before the event, by its second differences [PV]."""
     quiet = window.pv[: max(window.before // 2 if load else window.before, 3)]
     return float(np.std(np.diff(quiet, 2))) / math.sqrt(6.0)
+
+
+def _quiet(window: EventWindow, load: bool, noise: float) -> float:
+    """Return the standard deviation that noise alone may give residuals, by PV before the event less its slope [PV]."""
+    m = max(window.before // 2 if load else window.before, 3)
+    t, y = window.time[:m], window.pv[:m]
+    line = np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, y, 1))
+    spread = float(np.sum((y - line) ** 2)) / max(m - 2, 1)
+    # so few points tell a variance only roughly
+    return math.sqrt(max(spread, noise**2) * (1.0 + QUIET_SIGMAS * math.sqrt(2.0 / m + 2.0 / len(window))))
 
 
 def op_from_rest(window: EventWindow, load: bool) -> Array:

@@ -11,10 +11,11 @@ import pytest
 from monitor.detect.event import EventWindow
 from monitor.identify.direct import fit_window
 from monitor.identify.fit import Fit
-from monitor.identify.uncertainty import correlation_time
+from monitor.identify.uncertainty import correlation_time, tangent_scatter
+from sim_plants.controllers import Controller
 from sim_plants.plants import Plant
 from sim_plants.settings import simc
-from tests.monitor.identify.tools import BEFORE, random_plant, window_of
+from tests.monitor.identify.tools import BEFORE, load_event, random_plant, window_of
 from tuners.models import INTEGRATING
 
 
@@ -134,3 +135,29 @@ def test_correlation_time():
     assert correlation_time(coloured) == pytest.approx(9.0, rel=0.15)
     assert correlation_time(np.zeros(100)) == 1.0
     assert correlation_time(np.ones(80)) == 10.0
+
+
+def test_what_is_no_noise_counts_as_one_disturbance_along_a_parameter():
+    """Residuals of one size, white: as large as the noise before they tell much, beyond it one point's worth."""
+    rng = np.random.default_rng(0)
+    residual = rng.normal(0.0, 0.1, 600)
+    jacobian = np.column_stack([np.sin(np.linspace(0.1, k, 600)) for k in (1.0, 3.0, 5.0)])
+    noise, model = (tangent_scatter(residual, jacobian, 10.0, 1.0, quiet) for quiet in (0.2, 0.0))
+    assert model[0, 0] > 50.0 * noise[0, 0]
+    exact = np.linalg.pinv(jacobian.T @ jacobian)[0, 0] * float(residual @ residual)
+    assert model[0, 0] == pytest.approx(exact, rel=0.2)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_plant_of_more_lags_is_inside_its_interval(seed):
+    """Five lags, no noise, P alone after a load step: the model of one lag lacks most there; its gain is not sure."""
+    rng = np.random.default_rng(seed)
+    lags = tuple(float(x) for x in rng.uniform(2.0, 8.0, 5))
+    plant = Plant("integrating", 0.05, 4.0, lags)
+    controller = Controller(float(rng.uniform(0.25, 0.6)) / (0.05 * plant.t0), math.inf)
+    event = load_event(plant, controller, 0.0, seed)
+    assert event is not None
+    fit = fit_window(event, INTEGRATING, load=True, period=1.0)
+    assert fit is not None
+    low, high = fit.interval("gain")
+    assert low < 0.05 < high

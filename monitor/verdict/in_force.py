@@ -34,8 +34,9 @@ LEAST_POINTS = 30
 """Points without which a window shows no controller."""
 TAKEN_BACK_EVENTS = 3
 """Events in a row as declared that take back a law of another kind: a small one shows nothing of a gap."""
-JOINED_STRETCHES = 4
-"""Stretches in a row that are looked at together where none of them shows the controller."""
+JOINED_STRETCHES, MOST_STRETCHES = 4, 8
+"""Stretches in a row from which, and up to which, they are looked at together where the table names no settings, or
+none of them shows the table's."""
 SOON_PERIODS = 1024.0
 """Sample periods after samples that show the table's settings within which quiet ones are not looked at again."""
 UNKNOWN_WIDTH = 100.0
@@ -134,19 +135,24 @@ class InForce:
         soon = self._confirmed and start - self._until < SOON_PERIODS * period * 1e9
         if len(window) < LEAST_POINTS or (soon and not event):
             return False
-        found = self._see(window, period)
-        joined = None if event or found is not None else self._joined(window, start, end, period)
-        if joined is not None:
+        joined = None if event else self._joined(window, start, end, period)
+        found = None if joined is None else self._see(joined[0], period)
+        whole = found is not None
+        if joined is not None and whole:
             window, start = joined
+        else:
             found = self._see(window, period)
         if found is None:
             return False
         first = self._first_seen(found, event, start)
         if first is None or self._is_other_law(found, event, bool(np.ptp(window.sp) > 0)):
             return False
-        if event and not self._by_event and self._loop is not None:
-            self._windows, self.seen = [], None  # what quiet stretches showed was a first guess
-        if event or not self._by_event or not self._confirms(found):
+        if self._loop is not None and self.seen is not None:
+            if whole and self._confirms(found) and _width(found) <= _width(self.seen):
+                self._windows, self.seen = [], None  # all of the stretches together show more than each
+            elif event and not self._by_event and differ(self.seen, found):
+                self._windows, self.seen = [], None  # what quiet stretches showed was a first guess
+        if event or whole or not self._by_event or not self._confirms(found):
             by_data = self._loop is not None
             changed = self._by_data(found, window, first, period) if by_data else self._by_table(found, first)
             self._by_event = event or (self._by_event and not changed)
@@ -201,14 +207,17 @@ class InForce:
     def _joined(
         self, window: EventWindow, start: int, end: int, period: float
     ) -> tuple[EventWindow, int] | None:
-        """Return some stretches in a row as one, with its start [ns], once there are enough; None before."""
-        if self.seen is not None:
+        """Return the stretches in a row as one, with its start [ns], once there are enough; None before."""
+        if self.seen is not None and self.table.kp is not None:
+            self._pieces = []
             return None
         follows = bool(self._pieces) and start - self._pieces[-1][2] < 1.5 * period * 1e9
         self._pieces = [*(self._pieces if follows else []), (window, start, end)]
         if len(self._pieces) < JOINED_STRETCHES:
             return None
-        pieces, self._pieces = self._pieces, []
+        pieces = self._pieces
+        if len(pieces) == MOST_STRETCHES:
+            self._pieces = []
         first = pieces[0][1]
         time = np.concatenate([w.time + (at - first) * 1e-9 for w, at, _ in pieces])
         sp, pv, op = (np.concatenate([getattr(w, n) for w, _, _ in pieces]) for n in ("sp", "pv", "op"))

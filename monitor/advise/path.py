@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from tuners.settings import Settings
 
 from .candidates import Limits
-from .guards import LOADS_ALONE, MISFIT, SOFT_RATIO, Guards
+from .guards import LOADS_ALONE, MISFIT, NEAR_THE_EDGE, SOFT_RATIO, Guards
 from .stages import ORDERS, between, rounded, stages
 
 WAY_SHARES = tuple(k / 20 for k in range(20, 1, -1))
@@ -57,9 +57,7 @@ def way(limits: Limits, guards: Guards, aim: Settings, peaks: tuple[float, float
         Ms of the aim on the model found and on the worst one.
     """
     start = guards.today if guards.today is not None else gentler(aim, UNKNOWN_START_RATIO)
-    further = _retreat(limits, guards, aim)
-    if further is not None:
-        aim, peaks = further
+    aim, peaks = _retreat(limits, guards, aim) or (aim, peaks)
     guards = replace(guards, aim=aim)
     end, reasons = aim, []
     if guards.lead_withheld and float(aim.td) > 0:
@@ -72,13 +70,19 @@ def way(limits: Limits, guards: Guards, aim: Settings, peaks: tuple[float, float
             if found is not None:
                 return _to(limits, point, found, aim, next(iter(reasons), ""))
             reasons.append(why or MS_ON_THE_WAY)
-    if MISFIT in reasons:
-        lead = float(start.td) == 0.0 < float(aim.td)
-        for point in _soft_points(start, replace(aim, td=0.0, tf=0.0) if lead else aim, guards):
+    for reason, beside in ((MISFIT, _soft_points), (NEAR_THE_EDGE, _calmer_points)):
+        for point in beside(start, aim, guards) if reason in reasons else ():
             found = _safe(limits, point, aim, peaks)
             if found is not None:
-                return replace(_to(limits, point, found, aim, MISFIT), soft=True)
+                return replace(_to(limits, point, found, aim, reason), soft=reason == MISFIT)
     return reasons[0] if reasons else NEARLY_THERE
+
+
+def _calmer_points(start: Settings, _: Settings, guards: Guards) -> list[Settings]:
+    """Return settings beside the way for a loop near instability: longer integral times, then less gain, too."""
+    longer = [replace(start, ti=rounded(float(start.ti) * ratio)) for ratio in RETREAT_RATIOS]
+    points = _distinct(start, [*longer, *(gentler(start, ratio) for ratio in RETREAT_RATIOS)])
+    return [p for p, why in zip(points, guards.refused(points), strict=True) if not why]
 
 
 def _to(limits: Limits, now: Settings, peaks: tuple[float, float], aim: Settings, limited_by: str) -> Way:
@@ -99,6 +103,8 @@ def _safe(
 
 def _soft_points(start: Settings, aim: Settings, guards: Guards) -> list[Settings]:
     """Points of the way that are a small step from today's settings, the furthest first."""
+    if float(start.td) == 0.0 < float(aim.td):
+        aim = replace(aim, td=0.0, tf=0.0)
     gain = abs(math.log(abs(float(aim.kp) / float(start.kp))))
     times = [
         abs(math.log(float(getattr(aim, n)) / float(getattr(start, n))))

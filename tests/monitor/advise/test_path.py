@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor.advise.evidence import NO_DOUBT, Evidence
-from monitor.advise.guards import LOADS_ALONE, MISFIT, NOT_EXCITED, Guards, crossovers
+from monitor.advise.guards import LOADS_ALONE, MISFIT, NEAR_THE_EDGE, NOT_EXCITED, Guards, crossovers
 from monitor.advise.path import NEARLY_THERE, is_a_step
 from monitor.advise.region import nominal, uncertain_models
 from monitor.advise.suggestion import Advice, Withheld, renewed
@@ -21,6 +21,7 @@ from monitor.contract.loops import Loop
 from monitor.identify.misfit import ModelError
 from tests.monitor.advise.tools import PERIOD, asked, given_advice, sluggish
 from tests.support.fits import make_fit
+from tuners.models import SELF_REGULATING
 from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings
 
@@ -80,6 +81,17 @@ def test_a_loop_that_is_near_instability_is_slowed_down_at_once():
             advice = given_advice(sluggish(**facts), evidence=evidence)
             assert advice.settings == advice.aim
             assert advice.ms_worst <= 2.2
+
+
+@pytest.mark.parametrize("today", [(2.0, 5.0), (3.0, 12.0), (6.0, 8.0)])
+def test_a_loop_near_instability_is_calmed_before_it_gets_more_gain(today):
+    """Far too short an integral time on a lag: the aim has more gain, but a longer integral time comes first."""
+    fit = make_fit(1.0, 60.0, 8.0 if today[0] < 6.0 else 4.0, process=SELF_REGULATING)
+    advice = given_advice(sluggish(kp=today[0], ti=today[1]), fit)
+    assert float(advice.aim.kp) > today[0] >= float(advice.settings.kp)
+    assert float(advice.settings.ti) > 1.2 * today[1]
+    assert advice.ms_worst <= 2.2
+    assert advice.limited_by == NEAR_THE_EDGE
 
 
 def test_a_soft_step_is_what_an_error_leaves():

@@ -56,6 +56,9 @@ from .controller_seen import (
     intervals,
 )
 
+EXACT_RATIO = 1.05
+"""Ratio to the ends of its interval up to which kp is known where gains leave nothing: a response of one mode allows
+for many of them."""
 MUCH_BETTER = 0.1
 """Share of the squares that is left where a filter or a delay is taken to be there."""
 LEAST_EXACT_ROWS = 7
@@ -172,7 +175,7 @@ def _set_point_said(case: Case) -> Controller | None:
     rows, known = case.rows, case.known
     if not np.any(np.diff(rows.sp)):
         return None
-    squares = left_at(rows, known, known.gains, 1.0, NOWHERE)
+    squares = left_at(rows, known, known.gains, 1.0, NOWHERE) if _left_at_moves(rows, known) else 0.0
     for b, c in WEIGHTS:
         other = replace(known, b=b, c=c)
         better = left_at(rows, other, known.gains, 1.0, NOWHERE) < MUCH_BETTER * squares
@@ -181,6 +184,13 @@ def _set_point_said(case: Case) -> Controller | None:
             return _weights_said(replace(case, known=other), known, share)
     inside = setpoint_inside(rows, known)
     return None if inside is None else case.controller(BESIDE, None, NOWHERE, 1.0, inside.words)
+
+
+def _left_at_moves(rows: Rows, known: Known) -> bool:
+    """Whether most of what the table leaves of OP's moves is left where the set point moves."""
+    x = columns(rows.time, rows.sp, rows.pv, known.law(rows), 0.0, 0)
+    left = np.diff(rows.op - x @ known.gains) ** 2 * (rows.use[1:] & rows.use[:-1])
+    return bool(np.sum(left[np.diff(rows.sp) != 0]) > 0.5 * np.sum(left))
 
 
 def _weights_said(case: Case, declared: Known, share: float) -> Controller:
@@ -241,7 +251,7 @@ def _searched(case: Case) -> Controller:
         other = against(known, best, rows, exact=True) and (
             known.derivative or far(known, best) or is_exact(rows, known, best, VERY_LITTLE_SHARE)
         )
-        if is_drawn(rows) or not other:
+        if is_drawn(rows) or not other or intervals(best)[0].ratio > EXACT_RATIO:
             return _declared(case, NOWHERE, share, "", best)
         return _contradicted(case, best, share)
     s0 = left_at(rows, known, known.gains, walk, NOWHERE)

@@ -26,7 +26,7 @@ DERIVATIVE_SLACK_SHARE, EXACT_DERIVATIVE_SLACK_SHARE = 0.3, 0.02
 """The same of kd, which a block's filter and way of taking differences shift."""
 NARROW_RATIO, NARROW_TIME_RATIO = 1.15, 1.25
 """Ratio to the ends of their intervals up to which kp and ti are known."""
-FAR_KP_RATIO, FAR_TI_RATIO = 1.15, 1.25
+FAR_KP_RATIO, FAR_TI_RATIO = 1.3, 1.6
 """Ratios from which inexact gains are other ones."""
 LEAST_QUANTA = 12.0
 """Steps of a rounded OP over which it must range to show its law."""
@@ -82,6 +82,9 @@ def shown(rows: Rows, known: Known, found: Estimate, walk: float) -> bool:
     if float(np.ptp(rows.op[rows.use])) < LEAST_QUANTA * rows.quantum or is_drawn(rows):
         return False
     levels, moves = (explained(rows, known, found.gains, found.place, share) for share in (0.0, 1.0))
+    placed = found.place.filter_time > 0 or found.place.late != 0
+    if moves < VERY_FINE and (placed or (rows.stride == 1 and np.any(np.diff(rows.sp)))):
+        return False  # a delay, or a set point that acts otherwise, bends gains that explain less
     if known.derivative:
         td = float(found.gains[D] / found.gains[P]) / (known.kd / known.kp) if known.kd else 1.0
         return moves > MOVES_WITH_DERIVATIVE and any(same(td, times, FAR_KP_RATIO) for times in (1.0, 60.0))

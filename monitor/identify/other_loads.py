@@ -28,11 +28,11 @@ LEAST_LOAD_REST_SHARE, LEAST_SETPOINT_REST_SHARE = 3e-4, 3e-3
 have moved PV by a twentieth of what the step did."""
 BELIEVED_LN = 8.0
 """Logarithm of the likelihood's ratio from which such a load is believed: many are tried."""
-GRID_POINTS = 120
+GRID_POINTS = 60
 """Points of a window on which the grid is tried."""
 START_COUNT = 3
 """The best of them, each with another time of the load, from which the search goes on."""
-LAG_COUNT, ONSET_COUNT, WIDTH_COUNT = 5, 12, 3
+LAG_COUNT, ONSET_COUNT, WIDTH_COUNT = 4, 12, 3
 """Lines of the grid, for dead times and lags alike, for times of the load, and for its widths."""
 
 
@@ -64,12 +64,13 @@ def with_other_load(w: SearchWindow, p: Array, names: tuple[int, ...]) -> OtherL
     for shape in (RAMP, LAG) if w.kind >= 2 else (RAMP,):
         other = w.with_load(shape)
         found = [
-            descend(other.blocks, start, other.free(names), 0.0, 30, 1e-6) for start in _starts(other, p)
+            descend(other.blocks, start, other.free(names), 0.0, 20, 1e-4) for start in _starts(other, p)
         ]
         q, gain, _, left, _ = min(found, key=lambda each: each[3])
         tried.append((left, other, q, gain))
     tried.sort(key=lambda each: each[0])
-    left, other, q, gain = tried[0]
+    _, other, q, _ = tried[0]
+    q, gain, _, left, _ = descend(other.blocks, q, other.free(names), 0.0, 30, 1e-6)
     evaluate(other.blocks, q, rest)
     independent = len(rest) / correlation_time(rest)
     if not left > 0.0 or 0.5 * independent * math.log(rss / left) < BELIEVED_LN:

@@ -59,7 +59,7 @@ OTHER_KIND, MISFIT, NOT_EXCITED, LOADS_ALONE, IN_PARTS, NEAR_THE_EDGE, FAR_SLOWE
     "the events do not exclude the other kind of process",
     "the model leaves more unexplained than noise does",
     "what the events have not excited is not known",
-    "after load steps alone no more than twice the gain at a time, and no new derivative",
+    "load steps alone show too little for more gain at once, or for a new derivative",
     "no more than four times the gain at a time",
     "the loop is too close to instability for more gain",
     "no less than a third of the gain at a time",

@@ -6,6 +6,7 @@ on the identified model). Where the evidence cannot carry either, it says so ins
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from monitor.contract.loops import Loop
@@ -31,6 +32,8 @@ from .process import model_of_event, rivals
 from .reference import model_of
 from .tuning import current_sensitivity, judge
 
+LOAD_BESIDE = "no index: a load came beside the set-point step, and the error is that one's, too"
+
 
 @dataclass(frozen=True, slots=True)
 class Finding:
@@ -50,6 +53,13 @@ class Finding:
     """Models of the other kind of process that the event does not exclude; looked for where settings may follow."""
     misfit: ModelError | None = None
     """The error of the model that the event shows, likewise."""
+
+    @property
+    def swing(self) -> float:
+        """Standard deviation of PV in the event's window [PV]; 0 without a model."""
+        if self.fit is None:
+            return 0.0
+        return self.fit.sigma / math.sqrt(max(1.0 - self.fit.quality, 1e-12))
 
 
 def assess_event(
@@ -81,6 +91,8 @@ def assess_event(
     ms = None if contradiction else current_sensitivity(loop, model, event.period)
     doubts = [*against, contradiction] if contradiction else against
     verdict, reason = _said(loop, event, model, (ci, ms), doubts)
+    if ci is None and not doubts and not load and trusted is not None and trusted.other is not None:
+        verdict, reason = (verdict, reason) if verdict != INCONCLUSIVE else (INCONCLUSIVE, LOAD_BESIDE)
     said = verdict, "; ".join(filter(None, [shown.contradiction, reason]))
     finding = Finding(
         _record(loop, event, (fit, trusted), (ci, ms), said),

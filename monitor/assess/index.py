@@ -30,10 +30,13 @@ BELOW_LEAST_SHARE = 0.9
 def index(loop: Loop, event: ClosedEvent, fit: Fit) -> float | None:
     """CI_sp or CI_ld: the reference's IAE over the measured one (its noise's share taken off); None where none applies.
 
-    None as well where the model would not allow so little error (`least_error`): then it is the model that is wrong.
+    None as well where the model would not allow so little error (`least_error`): then it is the model that is wrong;
+    and of a set-point step beside which a load came: the error is that one's, too.
     Of an event that was cut short the IAE is a lower bound, so CI is an upper one. It is given where the error
     had died down to a tenth of the step, and where even the bound is too low.
     """
+    if fit.size is None and fit.other is not None:
+        return None
     model = model_of(fit)
     structure = reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), event.period)

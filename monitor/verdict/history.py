@@ -19,6 +19,7 @@ from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, LOAD, RETUNE, SETPOINT, UNDECIDED, LoopRow, Plan
 from monitor.detect.event import EventWindow
 from monitor.identify.fit import Fit, combine, contradictory, same_process
+from monitor.identify.misfit import ModelError
 
 from .in_force import InForce, change_in_words
 from .parts import Tuning, suggested
@@ -27,6 +28,8 @@ from .plan import part_of, plan_of
 MOST_FINDINGS = 20
 """Findings kept for each loop: the newest ones make its verdict, and memory does not grow with history."""
 
+MISFIT_EVENTS, ALIKE_SWING_SHARE = 5, 0.5
+"""Newest events whose model errors are compared, and share of PV's largest swing in them that an event must have."""
 SHRUNK_SHARE = 0.8
 """Share of the model's error when a small step was last taken in spite of it, below which another one may be."""
 
@@ -132,17 +135,29 @@ class LoopHistory:
 
     def evidence(self, joint: Fit) -> Evidence:
         """Return what the events leave open beside the model that they agree on."""
-        newest = self.usable[-1]
+        newest, misfit = self.usable[-1], self._misfit()
         softened = None if self.plan is None or not self.under_way else self.plan.softened
-        size = 0.0 if newest.misfit is None else newest.misfit.size
+        size = 0.0 if misfit is None else misfit.size
         others = [f.fit for f in self.usable if f.fit is not None and f.fit.process != joint.process]
         loads = all(f.record.kind == LOAD for f in self.usable)
         return Evidence(
             rivals=(*(r for r in newest.rivals if r.process != joint.process), *others[-1:]),
-            misfit=newest.misfit,
+            misfit=misfit,
             loads_only=loads and not self._confirmed(joint),
             soft_step=softened is None or size < SHRUNK_SHARE * softened,
         )
+
+    def _misfit(self) -> ModelError | None:
+        """Return the error of the model that the events under the settings of today show.
+
+        One of the model shows in every event that excites the loop as much; what shows in some of them only came from
+        elsewhere.
+        """
+        today = [f for f in self.usable if f.record.start >= self.retuned] or self.usable[-1:]
+        shown = [(f.swing, f.misfit) for f in today[-MISFIT_EVENTS:] if f.misfit is not None]
+        strongest = max((swing for swing, _ in shown), default=0.0)
+        alike = [misfit for swing, misfit in shown if swing >= ALIKE_SWING_SHARE * strongest]
+        return min(alike, key=lambda misfit: misfit.size, default=None)
 
     def _confirmed(self, joint: Fit) -> bool:
         """Whether events under the settings of today and under those before show the same process.

@@ -15,7 +15,7 @@ from sim_plants.loops import Simulation
 from sim_plants.plants import Plant
 from sim_plants.specs import LoopSpec, Steps
 from tests.monitor.assess.tools import assessed
-from tests.support.plants import samples_of, stepped
+from tests.support.plants import samples_of, stepped, table_of
 from tests.support.runs import run
 
 
@@ -109,3 +109,21 @@ def test_a_loop_whose_controller_is_not_seen_has_no_ms():
     wandering = replace(samples, op=samples.op + np.cumsum(rng.normal(0.0, 0.3, len(samples))))
     found, _, _ = assessed(wandering, kp=None, ti=math.inf)
     assert found.ms is None
+
+
+def test_a_load_beside_a_set_point_step_leaves_no_index():
+    """The model is found in spite of it, but the error is not the step's alone."""
+    plant = Plant("integrating", 0.05, 4.0)
+    spec = LoopSpec(
+        "L",
+        plant,
+        Controller(2.0, 40.0),
+        setpoint=Steps((200.0,), (4.0,)),
+        load=Steps((240.3,), (6.0,)),
+        noise=0.01,
+    )
+    _, seen = run(table_of([spec])[0], samples_of(Simulation([spec]).advance(900.0)))
+    record = seen.assessments[0]
+    assert record.kind == "setpoint"
+    assert record.ci is None
+    assert record.gain == pytest.approx(0.05, rel=0.1)

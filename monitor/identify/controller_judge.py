@@ -26,7 +26,7 @@ DERIVATIVE_SLACK_SHARE, EXACT_DERIVATIVE_SLACK_SHARE = 0.3, 0.02
 """The same of kd, which a block's filter and way of taking differences shift."""
 NARROW_RATIO, NARROW_TIME_RATIO = 1.15, 1.25
 """Ratio to the ends of their intervals up to which kp and ti are known."""
-FAR_KP_RATIO, FAR_TI_RATIO = 1.3, 1.6
+FAR_KP_RATIO, FAR_TI_RATIO = 1.3, 2.0
 """Ratios from which inexact gains are other ones."""
 LEAST_QUANTA = 12.0
 """Steps of a rounded OP over which it must range to show its law."""

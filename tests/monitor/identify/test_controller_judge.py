@@ -44,7 +44,7 @@ def test_what_is_not_known_is_nothing_against_a_table() -> None:
 def test_far() -> None:
     assert not far(PI, found(PI.kp * 1.1, PI.ki * 1.2))
     assert far(PI, found(PI.kp * 1.4, PI.ki))
-    assert far(PI, found(PI.kp, PI.ki * 1.8))
+    assert far(PI, found(PI.kp, PI.ki * 2.2))
 
 
 def test_a_controller_that_changes_halfway_is_not_shown() -> None:

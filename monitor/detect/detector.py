@@ -187,7 +187,7 @@ class Detector:
             window = EventWindow(time, sp, pv, op, int(out["before"]))
             if out["what"] == STRETCH:
                 self._stretches.append(
-                    Stretch(*(out[k].item() for k in ("row", "onset", "end", "period")), window)
+                    Stretch(int(out["row"]), int(out["onset"]), int(out["end"]), float(out["period"]), window)
                 )
                 continue
             found.append(

@@ -165,7 +165,7 @@ class LoopHistory:
         The shape of a load and an error of the model are not told apart by load steps alone, but what they do to a
         model depends on the controller: it is another model under other settings (derived).
         """
-        fits = [[], []]
+        fits: tuple[list[Fit], list[Fit]] = [], []
         for finding in self.usable:
             if finding.fit is not None and finding.fit.process == joint.process:
                 fits[finding.record.start >= self.retuned].append(finding.fit)

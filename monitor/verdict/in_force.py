@@ -284,8 +284,8 @@ def _width(found: Controller) -> float:
 def _from(window: EventWindow, start: int, since: int) -> tuple[EventWindow, int]:
     """Return the part of a window, which starts at ``start``, from a time on, with its own start [ns since 1970]."""
     first = int(np.searchsorted(start + (window.time - window.time[0]) * 1e9, since)) if len(window) else 0
-    columns = (getattr(window, name)[first:] for name in ("time", "sp", "pv", "op"))
-    return EventWindow(*columns, before=max(window.before - first, 0)), max(start, since)
+    time, sp, pv, op = (getattr(window, name)[first:] for name in ("time", "sp", "pv", "op"))
+    return EventWindow(time, sp, pv, op, max(window.before - first, 0)), max(start, since)
 
 
 def _bare(loop: Loop) -> Loop:

@@ -22,7 +22,7 @@ MOST_STRETCHES = 4
 """Stretches of a loop that are kept: those in which the set point, then PV, moves most."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Kept:
     """What is kept of a loop."""
 

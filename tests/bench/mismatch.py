@@ -50,6 +50,7 @@ from tests.bench.mismatch_judge import NERVOUS, Outcome, judge_many  # noqa: E40
 SEED = 20_111_128
 """Held out: named here and nowhere else."""
 CHUNK = 10
+GROUPS = tuple(dict.fromkeys(kind.group for kind in KINDS.values()))
 NEEDLESS = ("clipped-output", "op-quantised", "op-rounded-by-historian", "feed-forward", "one-sample-late")
 """An engineer would advise here."""
 HEAD = (
@@ -63,7 +64,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("--loops", type=int, default=100, help="loops per kind")
     parser.add_argument("--case", nargs="+", choices=list(KINDS), default=[])
-    parser.add_argument("--group", nargs="+", choices=sorted({k.group for k in KINDS.values()}), default=[])
+    parser.add_argument("--group", nargs="+", choices=GROUPS, default=[])
     parser.add_argument("--campaign", type=int, default=1, help="events of a loop, one after the other")
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument(
@@ -158,6 +159,7 @@ def totals(outcomes: Sequence[Outcome]) -> list[str]:
     seen_loops = [o for o in outcomes if o.case == "no-table"]
     cost = [1e3 * o.cost for o in outcomes if not math.isnan(o.cost)]
     lines = [
+        *(_group_line(g, [o for o in outcomes if KINDS[o.case].group == g]) for g in GROUPS),
         (
             f"suggestions {len(told)}: unstable {mark(unstable, unstable > 0, 'd')}, "
             f"Ms above 3 {mark(over, over > 0.01 * len(told), 'd')} ({percent(t.ms_after > NERVOUS for t in told)})"
@@ -181,7 +183,18 @@ def totals(outcomes: Sequence[Outcome]) -> list[str]:
         + ", ".join(f"{name} {sum(bool(o.told) for o in outcomes if o.case == name)}" for name in NEEDLESS),
         f"processor time of an event, median {np.median(cost) if cost else math.nan:.1f} ms",
     ]
-    return [line for line in lines if "nan" not in line]
+    return [line for line in lines if "nan" not in line and " 0 kinds" not in line]
+
+
+def _group_line(group: str, done: Sequence[Outcome]) -> str:
+    told, need = [t for o in done for t in o.told], [o for o in done if o.needs]
+    unstable = sum(t.unstable for t in told)
+    over = sum(not t.unstable and t.ms_after > NERVOUS for t in told)
+    return (
+        f"{group}: {len({o.case for o in done})} kinds, {len(done)} loops, in need {len(need)}, "
+        f"told nothing {percent(not o.told for o in need)}, suggestions {len(told)}, unstable {unstable}, "
+        f"above Ms 3 {over}, gain inside {percent(g for o in done for g in o.gains)}"
+    )
 
 
 def percent(values: Iterable[object], goal: float = 0.0) -> str:

@@ -39,6 +39,9 @@ JOINED_STRETCHES, MOST_STRETCHES = 4, 8
 none of them shows the table's."""
 SOON_PERIODS = 1024.0
 """Sample periods after samples that show the table's settings within which quiet ones are not looked at again."""
+SHARP_WIDTH = 1.0
+"""Widths of gain and integral time together, as shares, below which a window that does not contradict a table confirms
+it."""
 UNKNOWN_WIDTH = 100.0
 """Of an interval without an end, as a share of its value."""
 TOLD_SHARE = 0.01
@@ -238,7 +241,7 @@ class InForce:
             return False
         self.contradiction = self._law
         if found.said in {AS_DECLARED, BESIDE}:
-            self._confirmed = True
+            self._confirmed |= _is_sharp(found)
         else:
             self._loop = _with(self.table, found)
         return self._are(found, start)
@@ -275,9 +278,17 @@ class InForce:
         self.extra_delay = delay if shows else max(delay, self.extra_delay)
 
 
+def _is_sharp(found: Controller) -> bool:
+    """Whether a window would have shown other settings than the table's."""
+    return _width(found) < SHARP_WIDTH
+
+
 def _width(found: Controller) -> float:
     """Return the width of gain and integral time together, as shares; inf where they are not known."""
-    widths = [(i.high - i.low) / abs(i.value) if i.value else math.inf for i in (found.kp, found.ti)]
+    parts = [
+        i for i in (found.kp, found.ti) if not math.isinf(i.value)
+    ]  # no integral action is known as such
+    widths = [(i.high - i.low) / abs(i.value) if i.value else math.inf for i in parts]
     return sum(w if math.isfinite(w) else UNKNOWN_WIDTH for w in widths)
 
 

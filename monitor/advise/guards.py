@@ -41,8 +41,9 @@ LOADS_TIME_RATIO = 4.0
 """Of today's integral time in the new one, after load steps alone, which tell little of a dead time."""
 LEAST_LEAD_SHARE = 0.5
 """Of the derivative time in today's, after load steps alone: to take lead away is a change of the loop, too."""
-ONCE_RATIO = 4.0
-"""Of the gain in today's, at once, whatever is known."""
+ONCE_RATIO, ONCE_TIME_RATIO = 4.0, 4.0
+"""Of the gain in today's, and of today's integral time, at once, whatever is known: what lies below the crossover is
+excited by the integral action, too."""
 SOFT_DISTANCE = 0.1
 """Least abs(1 + L) that the mode which explains most may leave after a soft step."""
 SOFT_RATIO = 1.25
@@ -60,7 +61,7 @@ OTHER_KIND, MISFIT, NOT_EXCITED, LOADS_ALONE, IN_PARTS, NEAR_THE_EDGE, FAR_SLOWE
     "the model leaves more unexplained than noise does",
     "what the events have not excited is not known",
     "load steps alone show too little for more gain at once, or for a new derivative",
-    "no more than four times the gain at a time",
+    "no more than four times the gain, no less than a quarter of the integral time, at a time",
     "the loop is too close to instability for more gain",
     "no less than a third of the gain at a time",
 )
@@ -104,7 +105,7 @@ class Guards:
             (MISFIT, self._by_misfit(many)),
             (NOT_EXCITED, self._not_excited(many)),
             (LOADS_ALONE, self._after_loads(many)),
-            (IN_PARTS, self._at_once(many, ONCE_RATIO)),
+            (IN_PARTS, self._at_once(many, ONCE_RATIO) | self._faster_reset(many, ONCE_TIME_RATIO)),
             (NEAR_THE_EDGE, self._near_the_edge(many)),
             (FAR_SLOWER, self._far_slower(many)),
         )
@@ -208,10 +209,19 @@ class Guards:
         """Where more is asked for than load steps alone can show."""
         if self.today is None or not self.evidence.loads_only:
             return np.zeros(len(many), dtype=bool)
-        td, ti = (np.array([float(getattr(s, name)) for s in many]) for name in ("td", "ti"))
-        reset = ti * LOADS_TIME_RATIO * (1.0 + 1e-9) < float(self.today.ti)
+        td = np.array([float(s.td) for s in many])
+        reset = self._faster_reset(many, LOADS_TIME_RATIO)
         lead = (td > 0) & self.lead_withheld | (td < LEAST_LEAD_SHARE * float(self.today.td))
         return np.asarray(self._at_once(many, max(LOADS_GAIN_RATIO, self._far_below()[0])) | lead | reset)
+
+    def _faster_reset(self, many: list[Settings], ratio: float) -> Flags:
+        """Where the integral time is less than today's over this ratio."""
+        if self.today is None:
+            return np.zeros(len(many), dtype=bool)
+        times = np.array([float(s.ti) for s in many])
+        return np.asarray(times * ratio * (1.0 + 1e-9) < float(self.today.ti)) & math.isfinite(
+            float(self.today.ti)
+        )
 
     def _far_below(self) -> tuple[float, float]:
         """Return the ratios of gain and crossover, far below the aim, that bear a model which is wrong by a factor."""

@@ -19,6 +19,7 @@ from tuners.models import Model
 
 from .evidence import (
     MANY_UNCERTAIN_SHARE,
+    WIDE_GAIN,
     by_integrals,
     coverage,
     evidence_against,
@@ -43,6 +44,8 @@ class Finding:
     fit: Fit | None
     usable: bool
     """The fit may carry a suggestion."""
+    wide: bool
+    """Nothing but a wide interval speaks against it: beside others that are usable it is, too."""
     is_event: bool
     """False for a suspected load step that no step explains: a disturbance of another shape."""
     noise: float
@@ -98,11 +101,12 @@ def assess_event(
         _record(loop, event, (fit, trusted), (ci, ms), said),
         fit,
         usable=fit is not None and not against,
+        wide=fit is not None and len(against) == 1 and against[0].startswith(WIDE_GAIN),
         is_event=not load or (fit is not None and is_load_step(fit, event) and op_moved(fit, event)),
         noise=event.noise,
         period=event.period,
     )
-    if fit is None or against or not (thorough or verdict != GOOD):
+    if fit is None or not (finding.usable or finding.wide) or not (thorough or verdict != GOOD):
         return finding
     misfit = model_error(event.window, fit, event.noise)
     return replace(finding, rivals=rivals(event, shown), misfit=misfit)

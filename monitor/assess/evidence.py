@@ -40,6 +40,8 @@ NOISY_RANGE_SHARE = 0.015
 """Residuals, as a share of PV's range, from which the direct fit's bias outweighs the mismatch of the indirect one."""
 WIDEST_GAIN_RATIO = 2.0
 """Ratio of the ends of the gain's 95 % interval above which no verdict and no suggestion rests on it."""
+WIDE_GAIN = "the gain is known only to lie in"
+"""How it begins to be said that the interval is too wide."""
 INTEGRALS_AGREE_LN = 0.25
 """Difference in ln gain between fit and integrals that proves nothing: at 3 % of noise it stays below 0.12; a
 disturbance of a quarter of the step brings more, and can bend a fit by a factor of two at a quality of 0.98."""
@@ -182,7 +184,7 @@ def _against_fit(loop: Loop, event: ClosedEvent, fit: Fit, decided: bool) -> lis
         )
     low, high = fit.interval("gain")
     if abs(high / low if low * high > 0 and abs(high) > abs(low) else low / high) > WIDEST_GAIN_RATIO:
-        reasons.append(f"the gain is known only to lie in {low:.3g} ... {high:.3g}")
+        reasons.append(f"{WIDE_GAIN} {low:.3g} ... {high:.3g}")
     return reasons
 
 

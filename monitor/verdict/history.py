@@ -34,7 +34,7 @@ SHRUNK_SHARE = 0.8
 """Share of the model's error when a small step was last taken in spite of it, below which another one may be."""
 
 _WAIT = "wait for, or make, a clean set-point step"
-_HALF_WAY = "a part of the retune is in force; no event yet under the new settings"
+_HALF_WAY = "a part of the retune is in force"
 _GO_ON = "make a set-point step or wait for a load; the next part follows when it has confirmed the model"
 _ON_THE_WAY = "a part of the retune is in force; its aim is not reached"
 
@@ -130,12 +130,13 @@ class LoopHistory:
 
     @property
     def usable(self) -> list[Finding]:
-        """Findings whose fit may carry a suggestion."""
-        return [f for f in self.findings if f.usable]
+        """Findings whose fit may carry a suggestion: by itself, or beside others."""
+        beside = any(f.usable for f in self.findings)
+        return [f for f in self.findings if f.usable or (f.wide and beside)]
 
     def evidence(self, joint: Fit) -> Evidence:
         """Return what the events leave open beside the model that they agree on."""
-        newest, misfit = self.usable[-1], self._misfit()
+        newest, misfit = [f for f in self.usable if f.usable][-1], self._misfit()
         softened = None if self.plan is None or not self.under_way else self.plan.softened
         size = 0.0 if misfit is None else misfit.size
         others = [f.fit for f in self.usable if f.fit is not None and f.fit.process != joint.process]
@@ -202,7 +203,8 @@ def _judge(history: LoopHistory) -> tuple[Tuning, _Standing | None]:
     if contradiction:
         return tuning, None
     if history.under_way and not newer:
-        return replace(tuning, verdict=INCONCLUSIVE, reason=_HALF_WAY, action=_GO_ON), None
+        since = f", and no event usable since: {today[-1].record.reason}" if today else "; no event yet"
+        return replace(tuning, verdict=INCONCLUSIVE, reason=_HALF_WAY + since, action=_GO_ON), None
     if tuning.verdict != RETUNE and not (tuning.verdict == GOOD and history.under_way):
         history.plan = history.plan if history.under_way else None
         return replace(tuning, action="none" if tuning.verdict == GOOD else _WAIT), None

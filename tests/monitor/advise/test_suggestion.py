@@ -256,7 +256,7 @@ def test_a_gain_of_the_other_sign_is_not_turned_round():
 def test_an_averaging_level_keeps_its_structure():
     """Gain by load and room; damping 1 where there is integral action, and none added where there is not."""
     facts = {"kp": 0.7, "objective": "averaging", "max_load": 5.0, "max_deviation": 5.0}
-    with_integral = given_advice(Loop(name="L", ti=400.0, **facts))
+    with_integral = given_advice(Loop(name="L", ti=250.0, **facts))
     assert float(with_integral.settings.kp) == 1.0
     assert product(with_integral) == pytest.approx(4.0, rel=0.01)
     assert math.isinf(float(given_advice(Loop(name="L", **facts)).aim.ti))

@@ -21,7 +21,8 @@ is); ``auto``: kind of process not given. The loop table has no ranges, so the n
 The truth (`retune_truth`): Ms of the sampled loop, plant discretised exactly, with the filter suggested; CI by the
 contract's reference for the structure declared (tc = max(theta, 3 periods), theta by the half rule) over the IAE
 simulated without noise and limits. A loop needs retuning if its true CI for the kind of event lies below 0.5, or,
-with known settings, its Ms above 3; it is cured if a suggestion brings that CI to 0.6. What is said of gain and
+with known settings, its Ms above 3; it is cured if the first suggestion, what is typed in
+now, brings that CI to 0.6 (the way on, event by event, is followed by `mismatch --campaign`). What is said of gain and
 T0 is judged over all events whose record gives numbers; ``verif`` counts those with a verdict, ``other`` events that
 nobody made. Milliseconds are processor time of one event's assessment and advice: ``direct`` where a direct fit was
 all, ``full`` where a closed loop was simulated or settings were checked against the worst model. ``unst`` counts true

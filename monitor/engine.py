@@ -36,10 +36,14 @@ class Engine:
     ----------
     loops
         Read, and extended by `add`; not copied.
+    most_stretches
+        Loops whose stretches may wait to be looked at; of others they are let go. None: any number, as where the same
+        samples have to give the same records however they are batched.
     """
 
-    def __init__(self, loops: LoopTable) -> None:
+    def __init__(self, loops: LoopTable, most_stretches: int | None = None) -> None:
         self.loops = loops
+        self.most_stretches = most_stretches
         self.detector = Detector(list(loops))
         self._histories: dict[int, LoopHistory] = {}
         self._pending: list[ClosedEvent] = []
@@ -114,6 +118,9 @@ class Engine:
         """Take in samples; return openings and closings. Assessments wait for `assess`."""
         records = self._take(self.detector.run(samples))
         for stretch in self.detector.take_stretches():
+            full = self.most_stretches is not None and len(self._stretches) >= self.most_stretches
+            if full and stretch.row not in self._stretches:
+                continue
             self._stretches.setdefault(stretch.row, []).append(stretch)
         return records
 

@@ -58,6 +58,8 @@ SNAPSHOT_EVERY_S = 10.0
 """Between two writings of what must outlive a kill [s]."""
 TIDY_EVERY_S, TIDY_AGAIN_S = 60.0, 1.0
 """Between two looks at what is too old or too much in the store; and while there is more of it [s]."""
+MOST_STRETCHES = 2000
+"""Loops whose stretches may wait until there is time to see the controllers in them: about 30 MB."""
 REGISTERED_LOOPS = 200_000
 """That may register themselves."""
 
@@ -96,7 +98,7 @@ class Service:
     ) -> None:
         now = monotonic()
         self.config, self.loops, self.bus, self.store = config, loops, bus, store
-        self.engine = Engine(loops)
+        self.engine = Engine(loops, MOST_STRETCHES)
         self.reorder = Reorder(len(loops), config.reorder_window)
         register = self._register if config.auto_register or not config.loops else None
         self.decoder = Decoder(loops, register)

@@ -309,3 +309,17 @@ def test_a_loop_may_join_later():
     engine.flush()
     assert [r.events for r in (engine.row(0), engine.row(1))] == [1, 1]
     assert isinstance(engine.row(1), LoopRow)
+
+
+def test_stretches_do_not_pile_up():
+    """Where nobody has time for the controllers of so many loops, those of others are let go; events are not."""
+    loops = [Loop(name=f"L{k}") for k in range(5)]
+    samples = stepped(900, noise=0.02)
+    many = [replace(samples, loop=np.full(len(samples), k, np.int32)) for k in range(5)]
+    engine = Engine(LoopTable(loops), most_stretches=2)
+    for own in many:
+        engine.detect(own)
+    events = 5
+    assert engine.backlog == events + 2
+    engine.assess()
+    assert [engine.row(k).events for k in range(5)] == [1] * 5

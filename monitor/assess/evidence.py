@@ -105,6 +105,13 @@ def is_explained(fit: Fit, event: ClosedEvent) -> bool:
     return fit.quality >= LEAST_FIT or (fit.quality >= in_noise and like_noise and not small)
 
 
+def is_wide(fit: Fit) -> bool:
+    """Whether the gain is known too roughly for anything to rest on it."""
+    low, high = fit.interval("gain")
+    ratio = high / low if low * high > 0 and abs(high) > abs(low) else low / high if high else math.inf
+    return abs(ratio) > WIDEST_GAIN_RATIO
+
+
 def coverage(event: ClosedEvent) -> float:
     """Share of the event's time with good samples."""
     return min(event.good_time / event.duration, 1.0) if event.duration > 0 else 0.0
@@ -183,7 +190,7 @@ def _against_fit(loop: Loop, event: ClosedEvent, fit: Fit, decided: bool) -> lis
             f"the fit's gain is {fit.gain:.3g}, that of the integrals {gain:.3g}: something else moved PV meanwhile"
         )
     low, high = fit.interval("gain")
-    if abs(high / low if low * high > 0 and abs(high) > abs(low) else low / high) > WIDEST_GAIN_RATIO:
+    if is_wide(fit):
         reasons.append(f"{WIDE_GAIN} {low:.3g} ... {high:.3g}")
     return reasons
 

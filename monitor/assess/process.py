@@ -14,7 +14,7 @@ from monitor.identify.fit import Fit, contradictory, decide, rivals_of
 from monitor.identify.indirect import LEAST_OP_EXPLAINED, indirect_fit, op_explained
 from tuners.models import INTEGRATING, SELF_REGULATING
 
-from .evidence import NOISY_RANGE_SHARE, is_explained
+from .evidence import NOISY_RANGE_SHARE, is_explained, is_wide
 from .reference import settings_of
 
 LIKELY_LOAD_RATIO = 2.0
@@ -37,15 +37,16 @@ class Shown(NamedTuple):
 def model_of_event(loop: Loop, event: ClosedEvent) -> Shown:
     """Return the model that an event shows.
 
-    Where the kind that the table declares does not explain the event, and the other one does, that is the process.
+    Where the kind that the table declares does not explain the event, or by a gain of the wrong sign or of any size
+    alone, and the other one does, that is the process.
     """
     shown = _identify(loop, event)
     fit = shown.fit
-    if fit is None or loop.process == "auto" or not shown.decided or is_explained(fit, event):
+    if fit is None or loop.process == "auto" or not shown.decided:
         return shown
-    if (
-        event.kind == LOAD_STEP
-    ):  # one through a lag makes an integrating process look like a self-regulating one
+    wrong = not is_explained(fit, event) or (loop.kp is not None and fit.gain * loop.kp < 0)
+    # a load through a lag makes an integrating process look like a self-regulating one
+    if not is_wide(fit) and (not wrong or event.kind == LOAD_STEP):
         return shown
     both = _both_kinds(event)
     other, sure = decide(both, float(event.window.time[-1]))

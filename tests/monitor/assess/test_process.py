@@ -24,3 +24,15 @@ def test_a_declaration_that_the_data_contradict_is_named(declared):
     assert record.process == "self-regulating"
     assert ("the table calls the process integrating" in record.reason) == (declared == "integrating")
     assert record.gain == pytest.approx(2.0, rel=0.05)
+
+
+def test_a_slope_alone_is_an_integrator():
+    """A tank called self-regulating: of its gain and lag only the ratio shows, and that is an integrating process."""
+    plant = Plant("integrating", 0.05, 5.0)
+    spec = LoopSpec("L", plant, Controller(0.8, 150.0), setpoint=Steps((200.0,), (4.0,)), noise=0.02)
+    loop = msgspec.structs.replace(table_of([spec])[0], process="self-regulating")
+    _, seen = run(loop, samples_of(Simulation([spec]).advance(2000.0)))
+    (record,) = seen.assessments
+    assert record.process == "integrating"
+    assert "the table calls the process self-regulating" in record.reason
+    assert record.gain == pytest.approx(0.05, rel=0.05)

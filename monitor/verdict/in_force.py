@@ -235,7 +235,8 @@ class InForce:
     def _by_table(self, found: Controller, start: int) -> bool:
         """Take over what a window shows, while the table is believed, or was never seen to be right."""
         if found.said == CONTRADICTED and not self._confirmed:
-            self.contradiction = found.cause
+            # within a gap, say, a loop is linear, with another gain
+            self.contradiction = self._law or found.cause
             self._are(found, start)
             self.change = None  # nobody has retuned what was never seen to be right
             return False

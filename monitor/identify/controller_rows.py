@@ -85,12 +85,7 @@ class Rows:
         at = np.arange(first, len(self), self.scan)
         gaps = np.add.reduceat(self.fresh[first:], at - first) > 0
         return replace(
-            self,
-            time=self.time[at],
-            sp=self.sp[at - late],
-            pv=self.pv[at - late],
-            op=self.op[at],
-            use=self.use[at],
+            self._at(at, late),
             fresh=np.asarray(gaps, bool),
             period=self.scan * self.period,
             before=max((self.before - first) // self.scan, 0),
@@ -102,17 +97,17 @@ class Rows:
         """Return the rows at which OP moves, with the inputs of ``late`` rows before: a run lies between two rows."""
         at = np.flatnonzero(np.diff(self.op)) + 1
         return replace(
-            self,
-            time=self.time[at],
-            sp=self.sp[at - late],
-            pv=self.pv[at - late],
-            op=self.op[at],
-            use=self.use[at],
+            self._at(at, late),
             fresh=np.concatenate([[True], np.diff(at) > WIDE_PERIODS * self.pace]),
             period=self.pace * self.period,
             before=int(np.searchsorted(at, self.before)),
             pace=0.0,
         )
+
+    def _at(self, at: NDArray[np.intp], late: int) -> Rows:
+        """Return the samples of some rows, with the inputs of ``late`` rows before."""
+        sp, pv = self.sp[at - late], self.pv[at - late]
+        return replace(self, time=self.time[at], sp=sp, pv=pv, op=self.op[at], use=self.use[at])
 
 
 def lay_out(window: EventWindow, period: float, loop: Loop) -> Rows | None:

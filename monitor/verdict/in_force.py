@@ -93,7 +93,7 @@ class InForce:
     _until: int = 0
     """End of the last samples that show the settings of today [ns since 1970]."""
     _pieces: list[tuple[EventWindow, int, int]] = field(default_factory=list)
-    """Stretches in a row, with their ends [ns since 1970], none of which shows the controller by itself."""
+    """Stretches in a row, with their starts and ends [ns since 1970], that are looked at together."""
     _law: str = ""
     """In what the law is another one, in words: a gain that varies with the error, other set-point weights. Quiet
     stretches show nothing of it, and do not take it back."""
@@ -198,9 +198,8 @@ class InForce:
         """Return what a window shows of the controller; None where that is not resolved."""
         found = see_controller(window, period, self.table if self._loop is None else _bare(self.table))
         if found is not None and found.said == CONTRADICTED and self._confirmed and not found.setpoint_only:
-            found = see_controller(
-                window, period, _bare(self.table)
-            )  # other settings have to be seen by themselves
+            # other settings have to be seen by themselves
+            found = see_controller(window, period, _bare(self.table))
         if found is None or found.said != UNRESOLVED:
             return found
         if self.guess is None or _width(found) <= _width(self.guess):
@@ -242,7 +241,7 @@ class InForce:
             return False
         self.contradiction = self._law
         if found.said in {AS_DECLARED, BESIDE}:
-            self._confirmed |= _is_sharp(found)
+            self._confirmed |= _width(found) < SHARP_WIDTH
         else:
             self._loop = _with(self.table, found)
         return self._are(found, start)
@@ -279,16 +278,10 @@ class InForce:
         self.extra_delay = delay if shows else max(delay, self.extra_delay)
 
 
-def _is_sharp(found: Controller) -> bool:
-    """Whether a window would have shown other settings than the table's."""
-    return _width(found) < SHARP_WIDTH
-
-
 def _width(found: Controller) -> float:
-    """Return the width of gain and integral time together, as shares; inf where they are not known."""
-    parts = [
-        i for i in (found.kp, found.ti) if not math.isinf(i.value)
-    ]  # no integral action is known as such
+    """Return the width of gain and integral time together, as shares; `UNKNOWN_WIDTH` for one without an end."""
+    # no integral action is known as such
+    parts = [i for i in (found.kp, found.ti) if not math.isinf(i.value)]
     widths = [(i.high - i.low) / abs(i.value) if i.value else math.inf for i in parts]
     return sum(w if math.isfinite(w) else UNKNOWN_WIDTH for w in widths)
 
@@ -302,7 +295,7 @@ def _from(window: EventWindow, start: int, since: int) -> tuple[EventWindow, int
 
 def _bare(loop: Loop) -> Loop:
     """Return a loop's row without settings."""
-    return msgspec.structs.replace(loop, kp=None, ti=float("inf"), td=0.0, tf=None)
+    return msgspec.structs.replace(loop, kp=None, ti=math.inf, td=0.0, tf=None)
 
 
 def _with(loop: Loop, found: Controller) -> Loop:

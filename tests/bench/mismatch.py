@@ -28,22 +28,19 @@ Default seed: for nothing but this benchmark. Develop with another one.
 from __future__ import annotations
 
 import argparse
-import json
 import math
-import multiprocessing
 import os
 import re
 import sys
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # one event, one core
 
 import numpy as np  # noqa: E402 (after the threads)
 
+from tests.bench.fleet_run import judged, write  # noqa: E402
 from tests.bench.mismatch_fleet import KINDS, RIGHT, TABLE  # noqa: E402
 from tests.bench.mismatch_judge import NERVOUS, Outcome, judge_many  # noqa: E402
 
@@ -78,21 +75,11 @@ def main() -> None:
         for n, k in KINDS.items()
         if n in args.case or k.group in args.group or not (args.case or args.group)
     ]
-    context = multiprocessing.get_context("spawn")
     outcomes: list[Outcome] = []
     print(HEAD)
-    with ProcessPoolExecutor(args.jobs, mp_context=context) as pool:
-        waiting = {
-            name: [
-                pool.submit(judge_many, name, range(k, min(k + CHUNK, args.loops)), args.seed, args.campaign)
-                for k in range(0, args.loops, CHUNK)
-            ]
-            for name in names
-        }
-        for name, parts in waiting.items():
-            done = [outcome for part in parts for outcome in part.result()]
-            outcomes += done
-            print(table_line(name, done), flush=True)
+    for name, done in judged(judge_many, names, args.loops, CHUNK, args.jobs, args.seed, args.campaign):
+        outcomes += done
+        print(table_line(name, done), flush=True)
     print("\n" + "\n".join(totals(outcomes)))
     for name in names if args.worst else ():
         mine = [o for o in outcomes if o.case == name]
@@ -102,8 +89,7 @@ def main() -> None:
         for outcome in worst(mine)[: args.worst]:
             print(describe(outcome))
     if args.json:
-        with open(args.json, "w", encoding="utf-8") as file:  # noqa: PTH123
-            file.writelines(json.dumps(asdict(o), default=str) + "\n" for o in outcomes)
+        write(outcomes, args.json)
 
 
 # ---------------------------------------------------------------------------------------------------

@@ -34,16 +34,12 @@ Default seed: for nothing but this benchmark. Develop with another one.
 from __future__ import annotations
 
 import argparse
-import json
 import math
-import multiprocessing
 import os
 import re
 import sys
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # one event, one core
@@ -51,6 +47,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np  # noqa: E402 (after the threads)
 
 from monitor.contract.records import GOOD  # noqa: E402
+from tests.bench.fleet_run import judged, write  # noqa: E402
 from tests.bench.retune_fleet import CASES  # noqa: E402
 from tests.bench.retune_judge import NERVOUS, Outcome, judge_many, turns_pi_into_pid  # noqa: E402
 
@@ -77,21 +74,11 @@ def main() -> None:
     parser.add_argument("--json", help="write every outcome to this file, one line each")
     parser.add_argument("--jobs", type=int, default=2)
     args = parser.parse_args()
-    context = multiprocessing.get_context("spawn")
     outcomes: list[Outcome] = []
     print(HEAD)
-    with ProcessPoolExecutor(args.jobs, mp_context=context) as pool:
-        waiting = {
-            name: [
-                pool.submit(judge_many, name, range(k, min(k + CHUNK, args.loops)), args.seed)
-                for k in range(0, args.loops, CHUNK)
-            ]
-            for name in args.case
-        }
-        for name, parts in waiting.items():
-            done = [outcome for part in parts for outcome in part.result()]
-            outcomes += done
-            print(table_line(name, done), flush=True)
+    for name, done in judged(judge_many, args.case, args.loops, CHUNK, args.jobs, args.seed):
+        outcomes += done
+        print(table_line(name, done), flush=True)
     for name in args.case:
         mine = [o for o in outcomes if o.case == name]
         print(f"\n{name}: {aside(mine)}; not cured, by cause:")
@@ -100,8 +87,7 @@ def main() -> None:
         for outcome in worst(mine)[: args.worst]:
             print(describe(outcome))
     if args.json:
-        with open(args.json, "w", encoding="utf-8") as file:  # noqa: PTH123
-            file.writelines(json.dumps(asdict(o), default=str) + "\n" for o in outcomes)
+        write(outcomes, args.json)
 
 
 # ---------------------------------------------------------------------------------------------------

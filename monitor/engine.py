@@ -18,7 +18,7 @@ from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import SETPOINT, Assessment, Event, LoopRow, Plan, Record, Suggestion, event_id
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector, Found
-from monitor.detect.event import BY_GAP, BY_SETTINGS, SETPOINT_STEP, ClosedEvent, Stretch
+from monitor.detect.event import BY_GAP, BY_SETTINGS, LOAD_STEP, ClosedEvent, Stretch
 from monitor.detect.state import COUNTS
 from monitor.health.loop_health import figures
 from monitor.identify.direct import model_response
@@ -151,7 +151,7 @@ class Engine:
         records: list[Record] = []
         for event in found:
             closed = event if isinstance(event, ClosedEvent) else None
-            if closed is None or closed.kind == SETPOINT_STEP:
+            if closed is None or closed.kind != LOAD_STEP:
                 loop = self.loops[event.row].name
                 records.append(
                     Event(
@@ -194,7 +194,7 @@ class Engine:
         controller = in_force.extra_delay, in_force.contradiction
         finding = assess_event(in_force.loop, event, *controller, thorough=history.under_way)
         if not finding.is_event:
-            self.disturbances += 1
+            self.disturbances += 0 if finding.is_tail else 1
             return []
         finding = history.add(finding)
         records: list[Record] = [] if finding.record.kind == SETPOINT else [_closing(finding.record)]

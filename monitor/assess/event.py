@@ -9,12 +9,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, LOAD, SETPOINT, UNDECIDED, Assessment, event_id
-from monitor.detect.event import LOAD_STEP, ClosedEvent
+from monitor.detect.event import BY_MOVING, CAUSES, LOAD_STEP, SETPOINT_RAMP, ClosedEvent
 from monitor.identify.fit import Fit
 from monitor.identify.misfit import ModelError, model_error
 from monitor.identify.outliers import without_outliers
+from monitor.identify.tail import is_tail
 from tuners.models import Model
 
 from .evidence import (
@@ -33,6 +36,8 @@ from .process import model_of_event, rivals
 from .reference import model_of
 from .tuning import current_sensitivity, judge
 
+TAIL_PERIODS = 4000.0
+"""Sample periods since a loop began, up to which what looks like a load is held against the tail of what was before."""
 LOAD_BESIDE = "no index: a load came beside the set-point step, and the error is that one's, too"
 
 
@@ -48,6 +53,8 @@ class Finding:
     """Nothing but a wide interval speaks against it: beside others that are usable it is, too."""
     is_event: bool
     """False for a suspected load step that no step explains: a disturbance of another shape."""
+    is_tail: bool
+    """Nothing happened: a suspected load that began before the data, a gap or automatic did."""
     noise: float
     """Standard deviation of PV's noise before the event [PV]."""
     period: float
@@ -86,6 +93,9 @@ def assess_event(
     shown = model_of_event(loop, event)
     fit = None if shown.fit is None else replace(shown.fit, extra_delay=extra_delay)
     shown, decided = shown._replace(fit=fit), shown.decided
+    tail = (
+        load and event.since_start < TAIL_PERIODS * event.period and is_tail(event.window, fit, event.period)
+    )
     against = evidence_against(loop, event, fit, decided)
     # figures of a model that does not explain the event would only mislead
     trusted = fit if fit is not None and decided and is_explained(fit, event) else None
@@ -94,6 +104,8 @@ def assess_event(
     ms = None if contradiction else current_sensitivity(loop, model, event.period)
     doubts = [*against, contradiction] if contradiction else against
     verdict, reason = _said(loop, event, model, (ci, ms), doubts)
+    if event.kind == SETPOINT_RAMP:
+        reason = "; ".join(filter(None, [ramp_in_words(event), reason]))
     if ci is None and not doubts and not load and trusted is not None and trusted.other is not None:
         verdict, reason = (verdict, reason) if verdict != INCONCLUSIVE else (INCONCLUSIVE, LOAD_BESIDE)
     said = verdict, "; ".join(filter(None, [shown.contradiction, reason]))
@@ -102,7 +114,9 @@ def assess_event(
         fit,
         usable=fit is not None and not against,
         wide=fit is not None and len(against) == 1 and against[0].startswith(WIDE_GAIN),
-        is_event=not load or (fit is not None and is_load_step(fit, event) and op_moved(fit, event)),
+        is_event=not tail
+        and (not load or (fit is not None and is_load_step(fit, event) and op_moved(fit, event))),
+        is_tail=tail,
         noise=event.noise,
         period=event.period,
     )
@@ -171,6 +185,17 @@ def _said(
         said = f"{event.uncertain_share:.0%} of its samples are of uncertain quality"
         reason = "; ".join(filter(None, [reason, said]))
     return verdict, reason
+
+
+def ramp_in_words(event: ClosedEvent) -> str:
+    """Say how a set point moved that did not step."""
+    if event.cause == CAUSES[BY_MOVING]:
+        return (
+            f"the set point moves all the time (by {abs(event.amplitude):.3g} [PV] in {event.duration:.3g} s)"
+        )
+    w = event.window
+    moved = w.time[1:][np.diff(w.sp) != 0.0]
+    return f"the set point moved by {event.amplitude:+.3g} [PV] over {moved[-1] if len(moved) else 0.0:.3g} s"
 
 
 def model_fields(fit: Fit) -> dict[str, float]:

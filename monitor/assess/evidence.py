@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from monitor.contract.loops import Loop, offset_intended
-from monitor.detect.event import INTERRUPTED, LOAD_STEP, SETPOINT_STEP, SETTLED, ClosedEvent
+from monitor.detect.event import INTERRUPTED, LOAD_STEP, SETPOINT_RAMP, SETPOINT_STEP, SETTLED, ClosedEvent
 from monitor.identify.fit import Fit
 from monitor.identify.integrals import setpoint_integrals
 from monitor.identify.uncertainty import correlation_time
@@ -144,8 +144,8 @@ def _against_samples(loop: Loop, event: ClosedEvent) -> list[str]:
     if limited > MOST_SATURATED_SHARE:
         reasons.append(f"OP was at its limit for {limited:.0%} of the event (10 % allowed)")
     size = abs(event.amplitude)
-    lasted = (event.iae - event.iae_noise) / size
-    if lasted < LEAST_RESPONSE_PERIODS * event.period:
+    lasted = (event.iae - event.iae_noise) / size if size > 0.0 else 0.0
+    if event.kind != SETPOINT_RAMP and lasted < LEAST_RESPONSE_PERIODS * event.period:
         reasons.append(
             f"sampled too coarsely: the response lasts {lasted:.3g} s, the sample period is {event.period:.3g} s"
         )

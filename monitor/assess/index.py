@@ -8,7 +8,7 @@ import numpy as np
 
 from monitor.contract.loops import Loop
 from monitor.contract.records import LOAD, SETPOINT
-from monitor.detect.event import SETTLED, ClosedEvent
+from monitor.detect.event import SETPOINT_RAMP, SETTLED, ClosedEvent
 from monitor.identify.fit import Fit
 from monitor.identify.response import STEP, load_of_shape
 from tuners.models import INTEGRATING
@@ -17,6 +17,7 @@ from .reference import (
     closed_loop_time,
     model_of,
     reduced,
+    reference_error_along,
     reference_iae,
     reference_structure,
 )
@@ -37,6 +38,8 @@ def index(loop: Loop, event: ClosedEvent, fit: Fit) -> float | None:
     """
     if fit.size is None and fit.other is not None:
         return None
+    if event.kind == SETPOINT_RAMP:
+        return _ramp_index(loop, event, fit)
     model = model_of(fit)
     structure = reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), event.period)
@@ -52,6 +55,23 @@ def index(loop: Loop, event: ClosedEvent, fit: Fit) -> float | None:
     if event.state != SETTLED and still_far and best / iae >= loop.ci_min:
         return None
     return best / iae
+
+
+def _ramp_index(loop: Loop, event: ClosedEvent, fit: Fit) -> float | None:
+    """Return the reference's IAE over the measured one for the set point's way; None where there was no rest before."""
+    w, model = event.window, model_of(fit)
+    structure = reference_structure(loop)
+    tc = closed_loop_time(loop, reduced(model, structure), event.period)
+    iae = event.iae - event.iae_noise
+    if not w.rested or iae <= 0.0:
+        return None
+    try:
+        best = reference_error_along(
+            w.time[w.before :], w.sp[w.before :] - w.sp[0], model, structure, tc, loop.b, loop.c
+        )
+    except ValueError:
+        return None
+    return best / iae if math.isfinite(best) and best > 0.0 else None
 
 
 def least_error(fit: Fit, size: float, dead_time: float) -> float:
@@ -79,7 +99,7 @@ def least_error(fit: Fit, size: float, dead_time: float) -> float:
 
 def beats_dead_time(event: ClosedEvent, fit: Fit) -> bool:
     """Whether an event left less error than the model would allow any controller; only of one that has settled."""
-    if event.state != SETTLED:
+    if event.state != SETTLED or event.kind == SETPOINT_RAMP:
         return False
     size = event.amplitude if fit.size is None else fit.size
     return event.iae - event.iae_noise < BELOW_LEAST_SHARE * least_error(

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor.contract.loops import Loop
-from monitor.detect.event import LOAD_STEP, ClosedEvent
+from monitor.detect.event import LOAD_STEP, SETPOINT_RAMP, ClosedEvent
 from monitor.identify.direct import fit_kinds, fit_window
 from monitor.identify.fit import Fit, contradictory, decide, rivals_of
 from monitor.identify.indirect import LEAST_OP_EXPLAINED, indirect_fit, op_explained
@@ -96,7 +96,8 @@ def _identify(loop: Loop, event: ClosedEvent) -> Shown:
     best, decided = decide(direct, span)
     settings = settings_of(loop)
     noisy = best is not None and best.sigma >= NOISY_RANGE_SHARE * float(np.ptp(window.pv))
-    if best is None or load or settings is None or not noisy or best.other is not None:
+    unlike = load or not window.rested or event.kind == SETPOINT_RAMP
+    if best is None or unlike or settings is None or not noisy or best.other is not None:
         return Shown(best, decided, "", direct)
     if op_explained(window, settings, period) < LEAST_OP_EXPLAINED:
         return Shown(best, decided, "", direct)

@@ -9,14 +9,22 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from monitor.contract.loops import Loop
 from monitor.contract.records import LOAD, SETPOINT
+from monitor.contract.samples import Array
 from monitor.identify.fit import Fit
+from monitor.identify.response import closed_loop
 from tuners.models import INTEGRATING, FloatOrArray, IntegratingModel, Model, SelfRegulatingModel
 from tuners.responses import step_figures
 from tuners.settings import Settings
 from tuners.simc import simc_pd, simc_pi, simc_pid
 
+SCANS_PER_TIME = 100.0
+"""Scans of a simulated reference in its closed-loop time and dead time: 1 % of error, as of a scan's delay."""
+MOST_SCANS = 50_000
+"""Scans above which it is simulated more coarsely."""
 LEAST_TC_PERIODS = 3.0
 """The default closed-loop time is at least these sample periods: what the data cannot resolve is not asked."""
 
@@ -133,6 +141,37 @@ def reference_iae(
     if b == 1.0 and (c == 1.0 or structure == "pi"):
         return size * (float(reduced_model.dead_time) + 4.0 * time / math.e)
     return _simulated(size, reduced_model, structure, tc, b, c)
+
+
+def reference_error_along(
+    time: Array, sp: Array, model: Model, structure: str, tc: float, b: float = 1.0, c: float = 1.0
+) -> float:
+    """Return the IAE [PV s] of the reference while the set point goes a way, from rest; by simulation.
+
+    Parameters
+    ----------
+    time
+        (n,) [s], rising.
+    sp
+        (n,) set point as deviation from its rest [PV], held from point to point.
+
+    Raises
+    ------
+    ValueError
+        The rule cannot serve this model.
+    """
+    reduced_model = reduced(model, structure)
+    settings = replace(reference_settings(reduced_model, structure, tc), b=b, c=c).to("standard")
+    span = float(time[-1] - time[0])
+    step = max((tc + float(reduced_model.dead_time)) / SCANS_PER_TIME, span / MOST_SCANS)
+    grid = time[0] + step * np.arange(int(span / step) + 1)
+    r = sp[np.searchsorted(time, grid, side="right") - 1]
+    kind = 0 if isinstance(reduced_model, IntegratingModel) else 1
+    lag2 = float(getattr(reduced_model, "lag2", 0.0))
+    process = float(reduced_model.gain), float(reduced_model.dead_time), float(reduced_model.lag), lag2
+    controller = settings.kp, settings.ki, settings.kd, settings.filter_time, settings.b, settings.c
+    y = closed_loop(r, step, kind, *process, *(float(x) for x in controller))
+    return float(np.sum(np.abs(r - y))) * step
 
 
 def _load_iae(model: Model, time: float, size: float) -> float:

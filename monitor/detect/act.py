@@ -15,5 +15,7 @@ CUT = 8
 """Hand the event out as it was before this sample."""
 BEGIN = 16
 """Open one: the set point has begun to move."""
+GO_ON = 64
+"""The set point goes on moving: whatever closes or opens, that is the loop's phase."""
 BEGIN_LOAD = 32
 """Open one that reaches back: a load step is suspected."""

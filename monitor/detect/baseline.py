@@ -12,12 +12,15 @@ from .constants import (
     INSIDE_COUNTS_SAMPLES,
     KNOWN_SAMPLES,
     LONG_WEIGHT,
+    NEAR_WEIGHT,
     OUTSIDE_SAMPLES,
     RAMP_CALM_SAMPLES,
     RING_SAMPLES,
     SHORT_WEIGHT,
     SNAPSHOT_SAMPLES,
     TAIL_SHARE,
+    TOO_WIDE_LOOKS,
+    TOO_WIDE_RATIO,
     TRIGGER_SD,
     WARM_UP_SAMPLES,
 )
@@ -25,14 +28,16 @@ from .state import QUIET, WARMING
 
 
 @jit
-def restart_loop(s, sp, pv):
+def restart_loop(s, time, sp, pv):
     """Begin anew after a gap, a mode change, or at the loop's first sample."""
     noise, now = s.noise, s.noise.now
     s.phase = WARMING
     s.ring_n = s.baseline.n = 0
     noise.n = noise.outside_run = noise.snapshots = 0
     now.mean_e = now.var_e = now.abs_e = now.var_s = noise.var_d = 0.0
+    noise.n_d = noise.too_wide = 0
     noise.unrest = 0.0
+    s.baseline.began = time
     noise.least_n = WARM_UP_SAMPLES
     s.last.short_e = now.mean_s = sp - pv
     noise.quantum = 0.0
@@ -66,21 +71,63 @@ def update_baseline(s, e, pv, op):
         noise.unrest -= INSIDE_COUNTS_SAMPLES
     noise.n += 1
     if noise.n == 1:
-        now.mean_e = now.mean_s = s.last.short_e = e
-        now.abs_e = now.var_e = now.var_s = noise.var_d = 0.0
+        now.mean_e = now.mean_s = s.last.short_e = noise.near_e = e
+        now.abs_e = now.var_e = now.var_s = noise.near_var = 0.0
     w = 1.0 / noise.n if noise.n * LONG_WEIGHT < 1.0 else LONG_WEIGHT
     # while little is known, one glitch must not pass for the noise
     most = GLITCH_MEAN_SIZES * now.abs_e if not known and noise.n > 3 and now.abs_e > 0.0 else np.inf
     _update_error(now, s.last.short_e, e, w, most, known)
-    # second differences see noise and hardly any process: var = 6 sigma^2 for white noise
-    d = min(max(pv - s.last.pv - s.last.pv_change, -2.0 * most), 2.0 * most)
-    if noise.n > 2 and (not known or d * d <= 16.0 * noise.var_d or noise.var_d == 0.0):
-        noise.var_d += w * (d * d - noise.var_d)
+    d = e - noise.near_e
+    noise.near_e += NEAR_WEIGHT * d
+    noise.near_var += max(w, NEAR_WEIGHT) * (d * d - noise.near_var)
     _update_level(s.baseline, pv, op)
     if s.phase == WARMING and s.baseline.n >= WARM_UP_SAMPLES:
         s.phase = QUIET
     if noise.n >= max(KNOWN_SAMPLES, noise.least_n) and (noise.n - KNOWN_SAMPLES) % SNAPSHOT_SAMPLES == 0:
+        _look_at_noise(s)
+
+
+@jit
+def _look_at_noise(s):
+    """Keep the noise as it is known; learn it anew where it is an upset's, over for some time."""
+    noise = s.noise
+    wide = TOO_WIDE_RATIO * noise.near_var < noise.now.var_e
+    noise.too_wide = noise.too_wide + 1 if wide else 0
+    if noise.too_wide >= TOO_WIDE_LOOKS:
+        relearn_noise(s, WARM_UP_SAMPLES)
+    else:
         snapshot_noise(noise)
+
+
+@jit
+def follow_differences(noise, last, pv):
+    """Take a sample into the variance of PV's second differences, whatever goes on.
+
+    They see noise and hardly any process: the variance is 6 sigma^2 for white noise.
+    """
+    noise.n_d += 1
+    n = noise.n_d - 2
+    if n < 1:
+        return
+    d = pv - last.pv - last.pv_change
+    d2 = d * d
+    if n > 3 and noise.var_d > 0.0:  # a glitch, or a jump of PV, is no noise
+        d2 = min(d2, (16.0 if n > WARM_UP_SAMPLES else GLITCH_MEAN_SIZES**2) * noise.var_d)
+    noise.var_d += max(1.0 / n, LONG_WEIGHT) * (d2 - noise.var_d)
+
+
+@jit
+def white_sd(noise):
+    """Return the standard deviation of PV's white noise [PV]."""
+    return np.sqrt(noise.var_d / 6.0)
+
+
+@jit
+def quiet_sd(noise):
+    """Return the standard deviation of the error when quiet, as far as known, not that of an upset before [PV]."""
+    if noise.n < WARM_UP_SAMPLES // 2:
+        return white_sd(noise)
+    return np.sqrt(min(noise.now.var_e, TOO_WIDE_RATIO * noise.near_var))
 
 
 @jit
@@ -125,7 +172,7 @@ def _update_level(baseline, pv, op):
 @jit
 def relearn_noise(s, least_n):
     """Forget the noise: the loop has another one now, to be known after so many samples (many, to see slow waves)."""
-    s.noise.n = s.noise.snapshots = 0
+    s.noise.n = s.noise.snapshots = s.noise.too_wide = 0
     s.noise.least_n = least_n
     s.noise.unrest = 0.0
 
@@ -160,3 +207,12 @@ def await_baseline(s):
     """Wait for a new baseline; what is known of the noise stays."""
     s.phase = WARMING
     s.baseline.n = 0
+
+
+@jit
+def restart_settling(s, time):
+    """Begin anew to watch whether the error lies still."""
+    settling = s.settling
+    settling.since = time
+    settling.low = settling.high = s.last.short_e
+    settling.sum_e = settling.sum_t = 0.0

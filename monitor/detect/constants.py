@@ -14,6 +14,8 @@ SNAPSHOT_SAMPLES = 64
 a slow response has not yet widened."""
 LEAST_BEFORE_SAMPLES = 8
 """Samples of the window from before the onset, even where the loop was not at rest."""
+UNRESTED_BEFORE_SAMPLES = 32
+"""Samples of it where the loop was not at rest: from them a fit learns how PV moved already."""
 STRETCH_SAMPLES, ALL_STRETCHES_SAMPLES = 8192, 1024
 """Samples from one stretch that is handed out, for the controller to be seen in it, to the next; of a loop that is new
 every one is, up to so many samples, and then one whenever they have doubled."""
@@ -46,11 +48,37 @@ REST_PACES = 5.0
 MOST_PACE_PERIODS = 300.0
 """Periods that count for a longer rest in that average, so that an operator's step after a long ramp is one."""
 SAME_LEVEL_SD = 0.5
-"""Standard deviations of the error within which a set point is still where it was: jitter of an analog signal."""
+"""Standard deviations of the noise within which a set point is still where it was: jitter of an analog signal."""
+BUSY_SHARE, JITTERY_SHARE = 0.1, 0.5
+"""Share of the samples at which a set point changes, from which its noise is the error's, and not PV's white one alone;
+and from which it is an analog signal, or a slave's."""
+JITTER_SIZES = 4.0
+"""Mean changes of an analog set point within which it is still where it was: they are 1.13 standard deviations."""
+JITTER_WEIGHT = 0.02
+"""Weight of a sample in what is known of a set point's changes."""
+MOVING_SAMPLES, MOST_MOVING_SAMPLES = 1024, 8192
+"""Samples of a window while a set point goes on moving: back and forth, as of a master; or one way, as of a ramp."""
+NET_SHARE = 0.1
+"""Of the farthest that it went, from which where a set point came to rest is the size of its move."""
+LEAST_TURNS = 4
+"""Turns from which it goes back and forth."""
+NEAR_WEIGHT = 1.0 / 32.0
+"""Weight of a sample in what the error is like of late."""
+TOO_WIDE_RATIO = 9.0
+"""Variance known over that of late, from which the noise known is that of an upset."""
+TOO_WIDE_LOOKS = 4
+"""Looks in a row (`SNAPSHOT_SAMPLES` apart) after which it is learnt anew."""
+UNRESTED_SD = 3.0
+"""White standard deviations, by PV's second differences, that a set-point step's noise may have at most where the
+loop was not at rest: the rest is the upset."""
+MEAN_ABS_SD = 0.8
+"""Mean size of white noise in its standard deviations."""
 ROUNDING_SHARE = 2e-7
 """A set point's relative change that is nothing but a float of 32 bits."""
 STEP_STANDS_OUT_SD = 3.0
 """Standard deviations of the error, and least changes of PV, that a set-point step must exceed."""
+BESIDE_SHARE = 0.02
+"""Of an open event's size, up to which a move of the set point goes beside it, and opens none of its own."""
 TRIGGER_SD = 5.0
 """Standard deviations of the short average, when quiet, by which it must leave its mean to suspect a load step."""
 SUSPECTED_LOAD_SD = 8.0

@@ -23,7 +23,7 @@ from monitor.health.observe import HEALTH
 
 from . import kernel
 from .constants import RING_SAMPLES, SLOTS_OF_SAMPLE, TOO_LARGE, WINDOW_POINTS
-from .event import BY_END, CAUSES, STATES, ClosedEvent, EventWindow, Opened, Stretch
+from .event import BY_END, CAUSES, LOAD_STEP, STATES, ClosedEvent, EventWindow, Opened, Stretch
 from .state import OPENED, OUT, PARAM, STATE, STRETCH, Batch, Stores
 
 _T = TypeVar("_T", bound=np.generic)
@@ -184,7 +184,8 @@ class Detector:
             slot = int(out["slot"])
             time, sp, pv, op = self.stores.slab[slot, : out["points"]].T.copy()
             self._free_slot(slot)
-            window = EventWindow(time, sp, pv, op, int(out["before"]))
+            rested = bool(out["quiet"]) or out["what"] == STRETCH or out["kind"] == LOAD_STEP
+            window = EventWindow(time, sp, pv, op, int(out["before"]), rested)
             if out["what"] == STRETCH:
                 self._stretches.append(
                     Stretch(int(out["row"]), int(out["onset"]), int(out["end"]), float(out["period"]), window)

@@ -8,8 +8,9 @@ import numpy as np
 
 from monitor.contract.samples import Array
 
-SETPOINT_STEP, LOAD_STEP = 0, 1
-"""Kinds of event; a load step is suspected until a model has explained it."""
+SETPOINT_STEP, LOAD_STEP, SETPOINT_RAMP = 0, 1, 2
+"""Kinds of event; a load step is suspected until a model has explained it; a set point that moved at more than a few
+samples ramped, or follows a master."""
 SETTLED, INTERRUPTED, TIMED_OUT = "settled", "interrupted", "timeout"
 STATES = ("", SETTLED, INTERRUPTED, TIMED_OUT)
 """How an event ended, by the kernel's numbers."""
@@ -20,9 +21,10 @@ CAUSES = (
     "a change to manual",
     "the end of the data",
     "a change of settings",
+    "the set point, which goes on moving",
 )
 """What cut an event short, in words, by the kernel's numbers."""
-BY_STEP, BY_GAP, BY_MODE, BY_END, BY_SETTINGS = range(1, 6)
+BY_STEP, BY_GAP, BY_MODE, BY_END, BY_SETTINGS, BY_MOVING = range(1, 7)
 
 
 THINNED_PERIODS = 1.5
@@ -43,6 +45,8 @@ class EventWindow:
     """(n,) OP, held until the next point [OP]."""
     before: int
     """Points from before the onset (of a load step: from before it was noticed)."""
+    rested: bool = True
+    """Whether the loop was at rest before it: else what OP did before the window still moves PV in it."""
 
     def __len__(self) -> int:
         return len(self.time)
@@ -87,19 +91,19 @@ class ClosedEvent:
     number: int
     """Which of the loop's events it is, from 1."""
     kind: int
-    """`SETPOINT_STEP` or `LOAD_STEP`."""
+    """`SETPOINT_STEP`, `LOAD_STEP` or `SETPOINT_RAMP`."""
     state: str
     """How it ended: one of `STATES`."""
     cause: str
     """What cut it short, in words: one of `CAUSES`."""
     onset: int
-    """Where the set point stepped; of a load step: where it was noticed [ns since 1970]."""
+    """Where the set point began to move; of a load step: where it was noticed [ns since 1970]."""
     end: int
     """[ns since 1970]"""
     duration: float
     """From onset to end [s]."""
     amplitude: float
-    """Size of the set-point step, or the largest excursion of the error's short average after a load step [PV]."""
+    """Of the set point's step or ramp, or the largest excursion of the error's short average after a load step [PV]."""
     offset: float
     """Mean of the error where it came to rest [PV]."""
     quiet: bool
@@ -110,6 +114,8 @@ class ClosedEvent:
     """Time that good samples cover [s]."""
     saturated_time: float
     """Time that OP spent at a limit [s]."""
+    since_start: float
+    """From the loop's last beginning (of the data, after a gap, of automatic) to the onset [s]."""
     uncertain_share: float
     """Share of the samples whose quality is uncertain."""
     error_sd: float

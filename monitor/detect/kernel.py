@@ -14,8 +14,9 @@ from . import act
 from .accept import accepted, follow_rate, keep_last, remember
 from .baseline import await_baseline
 from .constants import ALL_STRETCHES_SAMPLES, OPENING_SAMPLES, RING_SAMPLES, SLOTS_OF_SAMPLE, STRETCH_SAMPLES
-from .phases import advance, cut_or_drop, end_event
-from .state import CANDIDATE, EVENT, STRETCH
+from .phases import advance, end_early
+from .setpoint import go_on_moving
+from .state import STRETCH
 from .window import append, begin, begin_load, close, confirm, drop
 
 
@@ -71,6 +72,8 @@ def apply_actions(todo, s, stores, n, i, time, sp, pv, op):
         if todo & act.BEGIN_LOAD:
             begin_load(s, stores, i, time, pv)
         append(s, stores.slab, time, sp, pv, op)
+    if todo & act.GO_ON:
+        go_on_moving(s)
     return n
 
 
@@ -112,16 +115,14 @@ def hand_out_stretch(s, stores, n, i, after):
 @jit
 def flush(stores, i, cause):
     """Close a loop's open event for a cause from outside; return the number of events in ``out``."""
-    s = stores.state[i]
-    if s.phase == CANDIDATE:
+    s, n = stores.state[i], 0
+    todo = end_early(s, cause, s.last.time, s.last.sp)
+    if todo & act.DROP:
         drop(s, stores)
+    if todo & act.CONFIRM:
+        n = confirm(s, stores.out, n, i, s.last.time, s.last.sp)
+    if todo & act.CUT:
+        n = close(s, stores.health[i], stores.out, n, i)
+    if todo:
         await_baseline(s)
-    if s.phase != EVENT:
-        return 0
-    if cut_or_drop(s) == act.DROP:
-        drop(s, stores)
-        await_baseline(s)
-        return 0
-    end_event(s, 2, cause, s.last.time)
-    await_baseline(s)
-    return close(s, stores.health[i], stores.out, 0, i)
+    return n

@@ -11,20 +11,22 @@ from . import act
 from .accept import count_gaps, other_units
 from .baseline import (
     await_baseline,
+    follow_differences,
     load_step_suspected,
     relearn_noise,
     restart_loop,
+    restart_settling,
     short_weight,
     update_baseline,
 )
 from .constants import (
+    BESIDE_SHARE,
     CALM_SAMPLES,
     KNOWN_SAMPLES,
     MAX_GAP_PERIODS,
     MOST_HALF_WAVES,
     NOISE_FREE_SD,
     OUTSIDE_SAMPLES,
-    RAMP_REST_PERIODS,
     SP_MISSING_SAMPLES,
     SPIKE_SD,
     STILL_LOAD_SHARE,
@@ -36,9 +38,9 @@ from .constants import (
     WARM_UP_SAMPLES,
 )
 from .event import BY_GAP, BY_MODE, BY_STEP, LOAD_STEP, SETPOINT_STEP
-from .setpoint import come_to_rest, has_moved, is_at_rest, note_move, start_moving
+from .setpoint import come_to_rest, follow_jitter, follow_moving, moves_now, stands_out, start_moving
 from .state import CANDIDATE, EVENT, MOVING, QUIET
-from .window import add, restart_settling
+from .window import add
 
 
 @jit
@@ -47,7 +49,7 @@ def advance(s, h, p, time, sp, pv, op, auto):
     last, clock = s.last, s.clock
     if s.counts.ok == 1:
         s.setpoint.moved_at = time
-        restart_loop(s, sp, pv)
+        restart_loop(s, time, sp, pv)
         return 0
     back = time < last.time
     dt = 0.0 if back else (time - last.time) * 1e-9
@@ -58,15 +60,20 @@ def advance(s, h, p, time, sp, pv, op, auto):
     if gap or clock.gap_run > 0:
         count_gaps(s, time, dt, gap, back)
     if gap or not auto or not last.auto or (sp != s.setpoint.level and other_units(s, sp, pv)):
-        return _break_off(s, BY_MODE if last.auto != auto and not gap else BY_GAP, sp, pv)
+        s.moves.in_manual += 1 if sp != last.sp and not gap else 0
+        s.moves.cut_off += 1 if sp != last.sp and gap else 0
+        return _break_off(s, BY_MODE if last.auto != auto and not gap else BY_GAP, time, sp, pv)
+    follow_differences(s.noise, last, pv)
+    follow_jitter(s, sp)
     if s.window.slot >= 0:
         _integrate(s, p, dt, pv)
     _update_short(s, dt, sp - pv)
     if s.phase > QUIET:
         return _follow(s, time, dt, sp, pv)
-    if s.noise.n < WARM_UP_SAMPLES // 2:
-        s.setpoint.level = sp  # without a baseline no move is looked at: the set point's jitter is not known
-    elif has_moved(s, sp) and clock.period > 0:
+    if clock.period == 0:
+        s.moves.cut_off += 1 if sp != last.sp else 0
+        s.setpoint.level = sp
+    elif moves_now(s, sp):
         start_moving(s, time, sp)
         return act.BEGIN
     if s.phase == QUIET and s.noise.snapshots > 0 and s.baseline.n >= CALM_SAMPLES and load_step_suspected(s):
@@ -87,36 +94,50 @@ def _update_short(s, dt, e):
 
 
 @jit
-def _break_off(s, cause, sp, pv):
+def _break_off(s, cause, time, sp, pv):
     """Begin anew; return what becomes of an open window."""
-    todo = 0
-    if s.phase == CANDIDATE:
-        todo = act.DROP  # a set-point move that was cut off before it was confirmed
-    elif s.phase == EVENT:
-        end_event(s, 2, cause, s.last.time)
-        todo = cut_or_drop(s)
-    restart_loop(s, sp, pv)
+    todo = end_early(s, cause, s.last.time, sp)
+    restart_loop(s, time, sp, pv)
     return todo
+
+
+@jit
+def end_early(s, cause, time, sp):
+    """End what is open for a cause from outside; return what becomes of its window.
+
+    A set point's move that was not yet confirmed is, where it is more than noise.
+    """
+    if s.phase != EVENT and s.window.slot < 0:
+        return 0
+    todo = 0
+    if s.phase != EVENT:
+        if s.phase == CANDIDATE:
+            s.event.amplitude = s.setpoint.level - s.setpoint.came_from
+        if not stands_out(s, sp):
+            s.moves.in_noise += 1
+            return act.DROP
+        todo = act.CONFIRM
+    end_event(s, 2, cause, time)
+    return todo | cut_or_drop(s)
 
 
 @jit
 def _follow(s, time, dt, sp, pv):
     """Move an eventful phase on by one sample; return what to do."""
     if s.phase == MOVING:
-        if has_moved(s, sp):
-            note_move(s, time, sp)
-        elif is_at_rest(s, time, RAMP_REST_PERIODS):
-            await_baseline(s)
-        return 0
+        return follow_moving(s, time, sp)
     if s.phase == EVENT:
         event = s.event
         if event.kind == LOAD_STEP:
             event.amplitude = max(event.amplitude, abs(s.last.short_e - s.noise.now.mean_s))
-        if has_moved(s, sp) and abs(sp - s.setpoint.level) > 0.02 * abs(event.amplitude):
-            end_event(s, 2, BY_STEP, time)
-            todo = cut_or_drop(s) | act.BEGIN
-            start_moving(s, time, sp)
-            return todo
+        if moves_now(s, sp):
+            if abs(sp - s.setpoint.level) > BESIDE_SHARE * abs(event.amplitude):
+                end_event(s, 2, BY_STEP, time)
+                todo = cut_or_drop(s) | act.BEGIN
+                start_moving(s, time, sp)
+                return todo
+            s.setpoint.level = sp
+            s.moves.beside += 1
         if not has_settled(s, time, dt, sp - pv):
             return 0
         s.setpoint.moves = 0

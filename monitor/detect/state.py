@@ -66,7 +66,11 @@ NOISE = np.dtype(
         ("snapshots", "i8"),  # how often it was kept
         ("outside_run", "i8"),  # samples in a row outside of the band
         ("unrest", "f8"),  # samples outside, less what those inside take off
-        ("var_d", "f8"),  # variance of PV's second differences, 6 sigma^2 for white noise [PV^2]
+        ("n_d", "i8"),  # second differences of PV since the loop began anew
+        ("var_d", "f8"),  # their variance, 6 sigma^2 for white noise [PV^2]
+        ("near_e", "f8"),  # mean of the error, of late [PV]
+        ("near_var", "f8"),  # and its variance [PV^2]
+        ("too_wide", "i8"),  # looks in a row at which the noise known was far wider than of late
         ("quantum", "f8"),  # least change of PV that was seen [PV]
         ("now", ERROR),
         ("older", ERROR),  # at the snapshot before the last
@@ -76,6 +80,7 @@ NOISE = np.dtype(
 BASELINE = np.dtype(
     [
         ("n", "i8"),  # quiet samples in it
+        ("began", "i8"),  # when the loop last began anew [ns since 1970]
         ("pv", "f8"),  # mean of PV at rest [PV]
         ("op", "f8"),  # mean of OP at rest [OP]
     ]
@@ -87,13 +92,23 @@ SETPOINT_MOVES = np.dtype(
         ("moved_at", "i8"),  # its last move [ns since 1970]
         ("moves", "i8"),  # samples at which it moved since it left its rest; 0 after an event
         ("pace", "f8"),  # mean time between its moves [periods]
+        ("busy", "f8"),  # share of the samples at which it changes, of late
+        ("jitter", "f8"),  # mean size of these changes [PV]
+        ("turns", "i8"),  # times that it turned since it left its rest
+        ("way", "f8"),  # its last move, up or down [PV]
+        ("next_way", "i8"),  # good samples from which a set point that goes on moving gets a window again
     ]
 )
+FATES = ("recorded", "in_noise", "cut_off", "in_manual", "beside", "unrecorded")
+"""What became of a set point's moves: an event of its own; too small for the noise; a gap, a mode change or the loop's
+beginning cut it off; made in manual; beside a far larger one, in whose event it is; or one of a set point that goes on
+moving, of which only some stretches are recorded."""
 OPEN_EVENT = np.dtype(
     [
-        ("kind", "i8"),  # `SETPOINT_STEP` or `LOAD_STEP`
+        ("kind", "i8"),  # `SETPOINT_STEP`, `LOAD_STEP` or `SETPOINT_RAMP`
         ("number", "i8"),  # of the loop's events so far
         ("onset", "i8"),  # [ns since 1970]
+        ("began", "i8"),  # when the loop had last begun anew [ns since 1970]
         ("end", "i8"),  # [ns since 1970]
         ("state", "i8"),  # how it ended, a place in `STATES`
         ("cause", "i8"),  # what cut it short, a place in `CAUSES`
@@ -149,6 +164,7 @@ STATE = np.dtype(
         ("noise", NOISE),
         ("baseline", BASELINE),
         ("setpoint", SETPOINT_MOVES),
+        ("moves", [(name, "i8") for name in FATES]),  # of the set point, by what became of them
         ("counts", [(name, "i8") for name in COUNTS]),  # samples, by what became of them
         ("event", OPEN_EVENT),
         ("settling", SETTLING),
@@ -169,6 +185,7 @@ OUT = np.dtype(
         ("before", "i8"),  # of these, from before the onset
         *((name, "i8") for name in ("number", "kind", "state", "cause", "onset", "end")),
         *((name, "f8") for name in ("amplitude", "duration", "offset", "quiet", "period", "uncertain_share")),
+        ("since_start", "f8"),
         *((name, "f8") for name in ("error_sd", "short_sd", "noise", "quantum", "pv0", "op0")),
         *_INTEGRALS,
         ("health", HEALTH),  # of a closed event: the loop's at that moment

@@ -9,7 +9,17 @@ import numpy as np
 
 from monitor.compiled import jit
 
-from .constants import COARSE_SAMPLES, LEAST_BEFORE_SAMPLES, RING_SAMPLES, WARM_UP_SAMPLES, WINDOW_POINTS
+from .baseline import quiet_sd, restart_settling, white_sd
+from .constants import (
+    COARSE_SAMPLES,
+    LEAST_BEFORE_SAMPLES,
+    MEAN_ABS_SD,
+    RING_SAMPLES,
+    UNRESTED_BEFORE_SAMPLES,
+    UNRESTED_SD,
+    WARM_UP_SAMPLES,
+    WINDOW_POINTS,
+)
 from .event import LOAD_STEP, SETPOINT_STEP
 from .state import CANDIDATE, CLOSED, EVENT, OPENED
 
@@ -21,6 +31,7 @@ def begin(s, stores, i, time):
     s.phase = CANDIDATE
     event.kind = SETPOINT_STEP
     event.onset = time
+    event.began = s.baseline.began
     event.ok_before, event.uncertain_before = s.counts.ok, s.counts.uncertain
     stores.n_free[0] -= 1
     window.slot = stores.free[stores.n_free[0]]
@@ -29,11 +40,14 @@ def begin(s, stores, i, time):
     based = s.baseline.n >= WARM_UP_SAMPLES // 2
     event.pv0 = s.baseline.pv if based else last.pv
     event.op0 = s.baseline.op if based else last.op
-    event.error_sd, event.noise = np.sqrt(s.noise.now.var_e), np.sqrt(s.noise.var_d / 6.0)
+    event.error_sd, event.noise = quiet_sd(s.noise), white_sd(s.noise)
     inside = s.noise.outside_run == 0
     event.quiet = 1.0 if s.baseline.n >= WARM_UP_SAMPLES and inside else 0.0
-    # what lies before the loop came to rest belongs to another event
-    m = min(s.ring_n, RING_SAMPLES, max(s.baseline.n if inside else 0, LEAST_BEFORE_SAMPLES))
+    if event.quiet == 0.0:
+        event.error_sd = min(event.error_sd, UNRESTED_SD * event.noise)
+    # what lies before the loop came to rest belongs to another event; without rest some of it shows how PV moved
+    known = s.baseline.n if event.quiet > 0.0 else UNRESTED_BEFORE_SAMPLES
+    m = min(s.ring_n, RING_SAMPLES, max(known, LEAST_BEFORE_SAMPLES))
     w, ring = stores.slab[window.slot], stores.ring
     for j in range(m):
         k = (s.ring_n - m + j) % RING_SAMPLES
@@ -96,19 +110,11 @@ def _reach_back(s, stores, w, i, time):
 
 
 @jit
-def restart_settling(s, time):
-    """Begin anew to watch whether the error lies still."""
-    settling = s.settling
-    settling.since = time
-    settling.low = settling.high = s.last.short_e
-    settling.sum_e = settling.sum_t = 0.0
-
-
-@jit
 def confirm(s, out, n, i, time, sp):
     """Report that an event has opened: the set point rests at a new level."""
     s.phase = EVENT
     s.event.number += 1
+    s.moves.recorded += 1
     s.setpoint.level = sp
     restart_settling(s, time)
     s.settling.half_waves = s.settling.side = 0
@@ -140,8 +146,10 @@ def add(s, sp, pv_old, pv_new, op, dt):
     integrals.y1 += 0.5 * ((pv_old - event.pv0) + (pv_new - event.pv0)) * dt
     area = 0.5 * (abs(sp - pv_old) + abs(sp - pv_new)) * dt
     integrals.iae += area
-    if abs(s.last.short_e - now.mean_e) < 2.0 * event.error_sd:
-        integrals.iae_noise += min(area, now.abs_e * dt)  # nothing but noise is left here
+    if abs(s.last.short_e - now.mean_e) < 2.0 * event.error_sd:  # nothing but noise is left here
+        # what an upset before has taught is no noise: that is what PV's differences show, and its rounding
+        white = max(MEAN_ABS_SD * event.noise, 0.5 * s.noise.quantum)
+        integrals.iae_noise += min(area, min(now.abs_e, white) * dt)
 
 
 @jit
@@ -190,6 +198,7 @@ def close(s, h, out, n, i):
     o.kind, o.state, o.cause, o.number = event.kind, event.state, event.cause, event.number
     o.onset, o.end, o.duration = event.onset, event.end, (event.end - event.onset) * 1e-9
     o.amplitude, o.quiet, o.period = event.amplitude, event.quiet, s.clock.period
+    o.since_start = (event.onset - event.began) * 1e-9
     o.uncertain_share = (s.counts.uncertain - event.uncertain_before) / max(s.counts.ok - event.ok_before, 1)
     o.offset = settling.sum_e / settling.sum_t if settling.sum_t > 0 else s.last.short_e
     o.s1, o.s2, o.y1 = integrals.s1, integrals.s2, integrals.y1

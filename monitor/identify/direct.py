@@ -24,7 +24,7 @@ from tuners.models import INTEGRATING, SELF_REGULATING
 from .fit import ALIKE_DEAD_TIMES, DECIDES_LN, SIMPLER_LN, Fit, Load, Valley, better_by
 from .other_loads import leaves_more, with_other_load
 from .projection import P_DEAD_TIME, P_LAG, P_ONSET, P_SHARE, P_WIDTH, evaluate, slopes
-from .response import LAG, STEP, load_of_shape, response
+from .response import LAG, START, STEP, load_of_shape, response, start_response
 from .search import descend, search, walk
 from .uncertainty import (
     OTHER_LOAD_FLOOR_RATIOS,
@@ -122,7 +122,7 @@ def fit_window(
     model = (best.gain, float(p[P_LAG]), float(p[P_DEAD_TIME]), float(p[P_LAG] * p[P_SHARE]))
     fit = with_uncertainty(process, model, window.time, w.pv, found.residual, best.scatter, period)
     fit = replace(fit, log_likelihood=found.log_likelihood, n_eff=found.n_eff, valley=best.valley)
-    fit = replace(fit, leaves_more=found.leaves_more)
+    fit = replace(fit, leaves_more=found.leaves_more, start=best.load if w.points.shape == START else 0.0)
     if found.other is not None:
         fit = replace(fit, other=found.other, floor=fit.floor * OTHER_LOAD_FLOOR_RATIOS)
     return replace(fit, size=best.load / best.gain, onset=float(p[P_ONSET])) if load else fit
@@ -142,6 +142,8 @@ def parts_of_pv(window: EventWindow, fit: Fit) -> list[Array]:
     times = fit.dead_time, fit.lag, fit.lag2
     kind = 0 if fit.process == INTEGRATING else 1
     parts = [fit.gain * response(t, op_from_rest(window, fit.size is not None), kind, *times)]
+    if fit.start != 0.0:
+        parts.append(fit.start * start_response(t - t[0], fit.lag))
     load = fit.other
     if load is None and fit.size is not None and fit.onset is not None:
         load = Load(fit.size, fit.onset, 0.0, STEP)
@@ -184,7 +186,8 @@ def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None, other_loads: bo
     best, single = search(w.blocks, two_lags)
     mine = best if two_lags else single
     more = leaves_more(w, mine)
-    other = with_other_load(w, mine, EVERY if two_lags else SINGLE) if more and other_loads else None
+    looked_for = more and other_loads and w.points.shape != START
+    other = with_other_load(w, mine, EVERY if two_lags else SINGLE) if looked_for else None
     if other is not None:
         w, best = other.window, other.p
         single = best
@@ -216,7 +219,7 @@ def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None, other_loads: bo
         valley = None if valley is None else replace(valley, across=valley.across + other.spread)
         found = found._replace(scatter=found.scatter + other.spread, valley=valley)
     p, shape, load = found.p, w.points.shape, found.load / found.gain
-    shaped = None if shape == STEP else Load(load, float(p[P_ONSET]), float(p[P_WIDTH]), shape)
+    shaped = None if shape in {STEP, START} else Load(load, float(p[P_ONSET]), float(p[P_WIDTH]), shape)
     if not np.isfinite(found.scatter).all():
         return None
     return _Found(found, residual, likelihood, n_eff, shaped, more)

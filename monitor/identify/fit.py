@@ -81,6 +81,8 @@ class Fit:
     """When the load stepped, from the window's time zero [s]."""
     other: Load | None = None
     """The load as it came, where that was not at once; of a set-point step: one that came beside it."""
+    start: float = 0.0
+    """What PV still moved by when the window began, where the loop was not at rest [PV]; it dies away with the lag."""
     leaves_more: bool = False
     """More is left of PV than the noise before the event, or was, before a load of another shape was found."""
     valley: Valley | None = None

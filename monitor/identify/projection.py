@@ -9,7 +9,7 @@ import numpy as np
 from monitor.compiled import jit
 from monitor.contract.samples import Array
 
-from .response import STEP, load_of_shape, load_response, response_at
+from .response import START, STEP, load_of_shape, load_response, response_at
 
 P_DEAD_TIME, P_LAG, P_SHARE, P_ONSET, P_WIDTH = range(5)
 """Places of the parameters."""
@@ -84,7 +84,7 @@ def evaluate(w, p, r):
         gg += g[i] * g[i]
         gy += g[i] * py[i]
     gain, load = xy / xx, 0.0
-    if w.kind >= 2:
+    if w.kind >= 2 and (gg > 0.0 or w.shape != START):  # without a lag nothing dies away with it
         det = xx * gg - xg * xg
         if det <= 1e-14 * xx * gg:
             return 0.0, 0.0, np.inf
@@ -126,16 +126,17 @@ def blocks(t, u, y, most):
 def slopes(w, p, gain, load):
     """PV's change per unit of ln gain, lag, second lag, dead time [s], and for a load its onset [s] and ln size.
 
-    For a load that is no step also per unit of its width [s]. Secants of 5 % of T0: at lags of zero the tangents of
-    lags and dead time coincide. All is projected.
+    For a load that is no step also per unit of its width [s]; for a start (`START`) of ln size alone. Secants of 5 %
+    of T0: at lags of zero the tangents of lags and dead time coincide. All is projected.
     """
     lags = np.array([p[P_LAG], p[P_SHARE] * p[P_LAG], p[P_DEAD_TIME], p[P_ONSET], p[P_WIDTH]])
     at = w.at
     step = 0.05 * (lags[0] + lags[1] + lags[2]) + 0.05 * (at[-1] - at[0]) / len(at)
     load_moves = w.kind >= 2
-    m = 4 if not load_moves else 6 if w.shape == STEP else 7
+    starting = w.shape == START
+    m = 4 if not load_moves else 5 if starting else 6 if w.shape == STEP else 7
     out = np.zeros((len(at), m))
-    for c in range(1, 6):
+    for c in range(1, 4 if starting else 6):
         k = c if c < 5 else 6
         if k >= m:
             break
@@ -156,7 +157,7 @@ def slopes(w, p, gain, load):
         out[i, 0] = gain * x[i]
         if load_moves:
             out[i, 0] += load * g[i]
-            out[i, 5] = load * g[i]
+            out[i, 4 if starting else 5] = load * g[i]
     return out
 
 

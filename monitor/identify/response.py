@@ -9,8 +9,9 @@ import numpy as np
 
 from monitor.compiled import jit
 
-STEP, RAMP, LAG = range(3)
-"""How a load comes: at once, evenly within a time, or through a lag."""
+STEP, RAMP, LAG, START = range(4)
+"""How a load comes: at once, evenly within a time, or through a lag. `START` is none: PV was moving already when the
+window began, and what moved it dies away with the process's lag."""
 LEAST_WIDTH_SHARE = 1e-6
 """Share of the window that a load takes to come below which it is a step."""
 
@@ -174,8 +175,20 @@ def lagged_load_response(age, kind, gain, dead_time, lag, lag2, width):
 
 
 @jit
+def start_response(age, lag):
+    """Return what is left, at these ages of the window, of one unit of PV that a lag held at its begin."""
+    y = np.zeros(len(age))
+    for k in range(len(age)):
+        if lag > 0.0:
+            y[k] = np.exp(-max(age[k], 0.0) / lag)
+    return y
+
+
+@jit
 def load_of_shape(age, kind, gain, dead_time, lag, lag2, width, shape):
-    """Response of PV at these ages of a load of one unit of OP that comes as one of `STEP`, `RAMP`, `LAG`."""
+    """Response of PV at these ages of a load of one unit of OP, that comes in one of these shapes; or of a start."""
+    if shape == START:
+        return start_response(age, lag)
     if shape == STEP or width <= LEAST_WIDTH_SHARE * (age[-1] - age[0]):
         return load_response(age, kind, gain, dead_time, lag, lag2)
     if shape == RAMP:

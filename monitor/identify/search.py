@@ -23,7 +23,7 @@ from .projection import (
     evaluate,
     project,
 )
-from .response import STEP
+from .response import START, STEP
 
 DEAD_TIME_NODES = 6
 """Dead times, from that of the best single lag down to nothing, from which the best model is looked for."""
@@ -146,8 +146,9 @@ def _coarse(w, step, many):
     """Best parameters of a model with one lag on a coarse grid of ``many`` dead times and lags from ``step`` [s] on."""
     at, high = w.at, w.high
     r = np.empty(len(at))
-    onsets, starts = (6, 3) if w.kind >= 2 else (1, 0)
-    best, least = np.array([0.0, step, 0.0, 0.0, 0.0]), np.inf
+    sought = w.kind >= 2 and w.shape != START
+    onsets, starts = (6, 3) if sought else (1, 0)
+    best, least = np.array([0.0, step, 0.0, at[0] if w.shape == START else 0.0, 0.0]), np.inf
     p = best.copy()
     for a in range(many):
         p[P_DEAD_TIME] = 0.0 if a == 0 else step * (0.5 * w.since[-1] / step) ** ((a - 1) / (many - 1))
@@ -158,7 +159,7 @@ def _coarse(w, step, many):
                     c >= onsets
                 ):  # so that PV begins to answer where it was noticed, without noise, or a little before
                     p[P_ONSET] = max(-p[P_DEAD_TIME] - 2.0 * step * (c - onsets), at[0])
-                elif w.kind >= 2:  # far back and, ever more closely, shortly before it was noticed
+                elif sought:  # far back and, ever more closely, shortly before it was noticed
                     p[P_ONSET] = -2.0 * step * (-at[0] / (2.0 * step)) ** (c / (onsets - 1))
                 rss = evaluate(w, p, r)[2]
                 if rss < least:
@@ -189,7 +190,7 @@ def moved(w, p, dead_time):
     q = p.copy()
     less = p[P_DEAD_TIME] - dead_time
     q[P_DEAD_TIME] = dead_time
-    if w.kind >= 2:
+    if w.kind >= 2 and w.shape != START:
         q[P_ONSET] = min(max(p[P_ONSET] + 0.9 * less, w.at[0]), w.high[P_ONSET])
     q[P_SHARE] = min(
         max(p[P_SHARE] + 0.7 * less / max(p[P_LAG], 1e-9 * w.high[P_LAG]), 0.005), MOST_SHARE - 0.01
@@ -205,7 +206,7 @@ def search(w, second):
     onset share what the data say; the valley is long, narrow and bent, and has false ends.
     """
     at = w.at
-    with_onset = w.kind >= 2
+    with_onset = w.kind >= 2 and w.shape != START
     single = np.array([P_DEAD_TIME, P_LAG, P_ONSET]) if with_onset else np.array([P_DEAD_TIME, P_LAG])
     beside = np.array([P_LAG, P_SHARE, P_ONSET]) if with_onset else np.array([P_LAG, P_SHARE])
     every = (
@@ -262,7 +263,7 @@ def walk(w, start, stride, weight, scale):
     """
     beside = (
         np.array([P_LAG, P_SHARE])
-        if w.kind < 2
+        if w.kind < 2 or w.shape == START
         else np.array([P_LAG, P_SHARE, P_ONSET])
         if w.shape == STEP
         else np.array([P_LAG, P_SHARE, P_ONSET, P_WIDTH])

@@ -21,7 +21,7 @@ from .projection import (
     slopes,
     unit_responses,
 )
-from .response import LAG, STEP
+from .response import LAG, START, STEP
 from .window import SearchWindow
 
 LN_GAIN_FLOOR_SD = 0.01
@@ -125,7 +125,8 @@ def covariance_by_tangents(w: SearchWindow, p: Array, noise: float) -> Array:
     t = w.points.at
     # parts of T0: where the data cannot tell them apart, none exceeds it by much
     t0 = float(p[P_DEAD_TIME] + p[P_LAG] * (1.0 + p[P_SHARE])) + float(t[-1] - t[0]) / len(t)
-    usual = np.array([10.0, t0, SECOND_LAG_SHARE * t0, t0, 3.0 * t0, 3.0, 3.0 * t0])[: tangents.shape[1]]
+    usual = np.array([10.0, t0, SECOND_LAG_SHARE * t0, t0, 3.0 * t0, 3.0, 3.0 * t0])
+    usual = np.append(usual[:4], 3.0) if w.points.shape == START else usual[: tangents.shape[1]]
     if w.kind >= 2 and w.points.shape == STEP:
         tangents = np.column_stack([tangents, of_loads_lag(w.blocks, w.with_load(LAG).blocks, p, load)])
         usual = np.append(usual, 1.0)

@@ -24,7 +24,7 @@ from .projection import (
     blocks,
     project,
 )
-from .response import STEP
+from .response import START, STEP
 
 QUIET_SIGMAS = 3.0
 """Standard deviations by which the residuals' variance may exceed that of the noise before the event by chance."""
@@ -64,6 +64,8 @@ class SearchWindow:
     @property
     def of_one_lag(self) -> list[int]:
         """Columns of `slopes`, but the second lag's."""
+        if self.points.shape == START:
+            return [0, 1, 3, 2, 4]
         if self.points.shape != STEP:
             return [0, 1, 3, 2, 4, 5, 6]  # a load's lag may be one of the process
         return [0, 1, 3, 4, 5] if self.kind >= 2 else [0, 1, 3]
@@ -74,7 +76,10 @@ class SearchWindow:
         return bool(np.any(self.points.held)) and bool(np.ptp(self.pv) != 0)
 
     def with_load(self, shape: int) -> SearchWindow:
-        """Return the window for a model in which a load comes in this shape, beside a set-point step at any time."""
+        """Return the window for a model in which a load comes in this shape, beside a set-point step at any time.
+
+        With `START` for one of a loop that was not at rest.
+        """
         if self.kind >= 2:
             return replace(
                 self,
@@ -91,7 +96,7 @@ class SearchWindow:
 
     def free(self, names: tuple[int, ...]) -> NDArray[np.int64]:
         """Return the places of these parameters, and of a load's onset and width."""
-        loads = (P_ONSET,) if self.points.shape == STEP else (P_ONSET, P_WIDTH)
+        loads = {STEP: (P_ONSET,), START: ()}.get(self.points.shape, (P_ONSET, P_WIDTH))
         return np.array(names + (loads if self.kind >= 2 else ()))
 
 
@@ -110,6 +115,8 @@ def search_window(
         Sample period, if known [s].
     two_lags
         A second lag is looked for: where there is no noise, what blocks blur passes for it.
+
+    A loop that was not at rest before a set-point move has a free start (`START`).
     """
     kind = (0 if process == INTEGRATING else 1) + (2 if load else 0)
     t, u, y = (np.ascontiguousarray(x) for x in (window.time, op_from_rest(window, load), window.pv))
@@ -123,7 +130,8 @@ def search_window(
         few = (at, since, held, mean)
     quiet = _quiet(window, load, noise)
     points = columns((t, t, u, y), kind)
-    return SearchWindow(points, columns(few, kind), y, few[-1], noise, quiet, period, not picked)
+    laid = SearchWindow(points, columns(few, kind), y, few[-1], noise, quiet, period, not picked)
+    return laid if window.rested or load else laid.with_load(START)
 
 
 def columns(

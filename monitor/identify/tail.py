@@ -1,0 +1,43 @@
+"""Whether what looks like a load is the tail of something that began before the data, a gap or automatic did."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from monitor.detect.event import EventWindow
+from tuners.models import INTEGRATING, SELF_REGULATING
+
+from .fit import Fit
+from .projection import evaluate
+from .response import START
+from .search import search
+from .uncertainty import correlation_time
+from .window import search_window
+
+BELIEVED_LN = 8.0
+"""Logarithm of the likelihood's ratio from which a load is believed instead: its time and size are sought."""
+LEAST_POINTS = 12
+
+
+def is_tail(window: EventWindow, fit: Fit | None, period: float) -> bool:
+    """Whether PV's movement follows from OP and from how PV moved when the window began, without any load.
+
+    Either kind of process may explain it so. It is compared by likelihood, over independent points, with what ``fit``,
+    a model with a load, leaves.
+    """
+    if len(window) < LEAST_POINTS or np.ptp(window.pv) == 0.0 or np.ptp(window.op) == 0.0:
+        return False
+    load = math.inf if fit is None else fit.sigma**2 * max(len(window) - 6, 1)
+    for process in (INTEGRATING, SELF_REGULATING):
+        w = search_window(window, process, False, period).with_load(START)
+        best, _ = search(w.blocks, False)
+        rest = np.empty(len(w.points.at))
+        rss = evaluate(w.points, best, rest)[2]
+        if not math.isfinite(rss):
+            continue
+        independent = len(rest) / correlation_time(rest)
+        if rss <= 0.0 or 0.5 * independent * math.log(rss / load) < BELIEVED_LN:
+            return True
+    return False

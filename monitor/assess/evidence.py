@@ -40,6 +40,8 @@ NOISY_RANGE_SHARE = 0.015
 """Residuals, as a share of PV's range, from which the direct fit's bias outweighs the mismatch of the indirect one."""
 WIDEST_GAIN_RATIO = 2.0
 """Ratio of the ends of the gain's 95 % interval above which no verdict and no suggestion rests on it."""
+WIDEST_T0_RATIO = 2.5
+"""Likewise of T0's interval after a ramp: the slower it is, the less PV's lag behind OP stands out of the noise."""
 WIDE_GAIN = "the gain is known only to lie in"
 """How it begins to be said that the interval is too wide."""
 INTEGRALS_AGREE_LN = 0.25
@@ -188,6 +190,11 @@ def _against_fit(loop: Loop, event: ClosedEvent, fit: Fit, decided: bool) -> lis
     if gain is not None and small and disagrees(gain, fit, _rest_error(event)):
         reasons.append(
             f"the fit's gain is {fit.gain:.3g}, that of the integrals {gain:.3g}: something else moved PV meanwhile"
+        )
+    slowest, quickest = fit.interval("t0")[::-1]
+    if event.kind == SETPOINT_RAMP and slowest > WIDEST_T0_RATIO * quickest:
+        reasons.append(
+            f"so slow a move does not show how fast the process answers (T0 in {quickest:.3g} ... {slowest:.3g} s)"
         )
     low, high = fit.interval("gain")
     if is_wide(fit):

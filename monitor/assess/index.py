@@ -63,7 +63,7 @@ def _ramp_index(loop: Loop, event: ClosedEvent, fit: Fit) -> float | None:
     structure = reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), event.period)
     iae = event.iae - event.iae_noise
-    if not w.rested or iae <= 0.0:
+    if not w.rested or iae <= max(event.iae_noise, 0.0):  # a slow ramp's error drowns in the noise
         return None
     try:
         best = reference_error_along(

@@ -140,8 +140,9 @@ def come_to_rest(s, time, sp):
 
 @jit
 def stands_out(s, sp):
-    """Whether a set point's move is more than noise."""
-    least = STEP_STANDS_OUT_SD * max(s.event.error_sd, 0.99 * s.noise.quantum)
+    """Whether a set point's move is more than noise; where somebody set it, what was an upset before is none."""
+    noise = s.event.error_sd if s.setpoint.busy > BUSY_SHARE else s.event.noise
+    least = STEP_STANDS_OUT_SD * max(noise, 0.99 * s.noise.quantum)
     return abs(s.event.amplitude) > max(least, ROUNDING_SHARE * abs(sp))
 
 

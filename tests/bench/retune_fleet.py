@@ -81,7 +81,7 @@ def draw(case: Case, number: int, seed: int, stable: Any) -> LoopSpec:
     word = [ord(letter) for letter in case.fleet]
     rng = np.random.default_rng([seed, number, *word])
     while True:
-        spec = _loop(rng, case.fleet, f"{case.name}-{number}", number)
+        spec = draw_loop(rng, case.fleet, f"{case.name}-{number}", number)
         if stable(spec, spec.controller):
             break
     first = int(rng.integers(100, 151)) * spec.true_period
@@ -140,7 +140,8 @@ def _three(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def _loop(rng: np.random.Generator, fleet: str, name: str, number: int) -> LoopSpec:
+def draw_loop(rng: np.random.Generator, fleet: str, name: str, number: int) -> LoopSpec:
+    """Draw a plant of a fleet and detuned settings; nothing happens to it."""
     dead_time = _log(rng, 1.0, 100.0)
     period = round(dead_time / _log(rng, 3.0, 20.0), 3)
     gain = _log(rng, 1e-4, 1.0) * rng.choice([-1, 1])

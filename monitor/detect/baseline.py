@@ -21,6 +21,7 @@ from .constants import (
     TAIL_SHARE,
     TOO_WIDE_LOOKS,
     TOO_WIDE_RATIO,
+    TOO_WIDE_SAMPLES,
     TRIGGER_SD,
     WARM_UP_SAMPLES,
 )
@@ -89,12 +90,17 @@ def update_baseline(s, e, pv, op):
 
 @jit
 def _look_at_noise(s):
-    """Keep the noise as it is known; learn it anew where it is an upset's, over for some time."""
+    """Keep the noise as it is known; learn it anew, once, where the loop began in an upset that is over.
+
+    Later ones teach nothing: what lies far outside does not count.
+    """
     noise = s.noise
-    wide = TOO_WIDE_RATIO * noise.near_var < noise.now.var_e
-    noise.too_wide = noise.too_wide + 1 if wide else 0
+    near = noise.near_var + (noise.near_e - noise.now.mean_e) ** 2
+    if noise.too_wide >= 0 and noise.n < TOO_WIDE_SAMPLES:
+        noise.too_wide = noise.too_wide + 1 if TOO_WIDE_RATIO * near < noise.now.var_e else 0
     if noise.too_wide >= TOO_WIDE_LOOKS:
         relearn_noise(s, WARM_UP_SAMPLES)
+        noise.too_wide = -1
     else:
         snapshot_noise(noise)
 
@@ -124,10 +130,12 @@ def white_sd(noise):
 
 @jit
 def quiet_sd(noise):
-    """Return the standard deviation of the error when quiet, as far as known, not that of an upset before [PV]."""
+    """Return the standard deviation of the error when quiet, as far as known [PV]."""
     if noise.n < WARM_UP_SAMPLES // 2:
         return white_sd(noise)
-    return np.sqrt(min(noise.now.var_e, TOO_WIDE_RATIO * noise.near_var))
+    if noise.too_wide > 0:  # what is known may be an upset's
+        return np.sqrt(min(noise.now.var_e, TOO_WIDE_RATIO * noise.near_var))
+    return np.sqrt(noise.now.var_e)
 
 
 @jit
@@ -172,7 +180,7 @@ def _update_level(baseline, pv, op):
 @jit
 def relearn_noise(s, least_n):
     """Forget the noise: the loop has another one now, to be known after so many samples (many, to see slow waves)."""
-    s.noise.n = s.noise.snapshots = s.noise.too_wide = 0
+    s.noise.n = s.noise.snapshots = 0
     s.noise.least_n = least_n
     s.noise.unrest = 0.0
 

@@ -66,8 +66,9 @@ NEAR_WEIGHT = 1.0 / 32.0
 """Weight of a sample in what the error is like of late."""
 TOO_WIDE_RATIO = 9.0
 """Variance known over that of late, from which the noise known is that of an upset."""
-TOO_WIDE_LOOKS = 4
-"""Looks in a row (`SNAPSHOT_SAMPLES` apart) after which it is learnt anew."""
+TOO_WIDE_LOOKS, TOO_WIDE_SAMPLES = 4, 2000
+"""Looks in a row (`SNAPSHOT_SAMPLES` apart) after which it is learnt anew; quiet samples since the loop began, up to
+which that is asked: a load that wanders is as calm at times."""
 UNRESTED_SD = 3.0
 """White standard deviations, by PV's second differences, that a set-point step's noise may have at most where the
 loop was not at rest: the rest is the upset."""
@@ -78,7 +79,7 @@ ROUNDING_SHARE = 2e-7
 STEP_STANDS_OUT_SD = 3.0
 """Standard deviations of the error, and least changes of PV, that a set-point step must exceed."""
 BESIDE_SHARE = 0.02
-"""Of an open event's size, up to which a move of the set point goes beside it, and opens none of its own."""
+"""Of an open move's size, up to which another one goes beside it, and opens no event of its own."""
 TRIGGER_SD = 5.0
 """Standard deviations of the short average, when quiet, by which it must leave its mean to suspect a load step."""
 SUSPECTED_LOAD_SD = 8.0

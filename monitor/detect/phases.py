@@ -29,6 +29,7 @@ from .constants import (
     OUTSIDE_SAMPLES,
     SP_MISSING_SAMPLES,
     SPIKE_SD,
+    STEP_STANDS_OUT_SD,
     STILL_LOAD_SHARE,
     STILL_SETPOINT_SHARE,
     STILLER_SD,
@@ -131,7 +132,9 @@ def _follow(s, time, dt, sp, pv):
         if event.kind == LOAD_STEP:
             event.amplitude = max(event.amplitude, abs(s.last.short_e - s.noise.now.mean_s))
         if moves_now(s, sp):
-            if abs(sp - s.setpoint.level) > BESIDE_SHARE * abs(event.amplitude):
+            load = event.kind == LOAD_STEP
+            least = STEP_STANDS_OUT_SD * event.noise if load else BESIDE_SHARE * abs(event.amplitude)
+            if abs(sp - s.setpoint.level) > least:
                 end_event(s, 2, BY_STEP, time)
                 todo = cut_or_drop(s) | act.BEGIN
                 start_moving(s, time, sp)

@@ -70,7 +70,10 @@ NOISE = np.dtype(
         ("var_d", "f8"),  # their variance, 6 sigma^2 for white noise [PV^2]
         ("near_e", "f8"),  # mean of the error, of late [PV]
         ("near_var", "f8"),  # and its variance [PV^2]
-        ("too_wide", "i8"),  # looks in a row at which the noise known was far wider than of late
+        (
+            "too_wide",
+            "i8",
+        ),  # looks in a row at which the noise known was far wider than of late; -1: learnt anew
         ("quantum", "f8"),  # least change of PV that was seen [PV]
         ("now", ERROR),
         ("older", ERROR),  # at the snapshot before the last

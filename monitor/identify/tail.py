@@ -13,7 +13,6 @@ from .fit import Fit
 from .projection import evaluate
 from .response import START
 from .search import search
-from .uncertainty import correlation_time
 from .window import search_window
 
 BELIEVED_LN = 8.0
@@ -32,7 +31,7 @@ def is_tail(window: EventWindow, fit: Fit | None, period: float) -> bool:
     """
     if len(window) < LEAST_POINTS or np.ptp(window.pv) == 0.0 or np.ptp(window.op) == 0.0:
         return False
-    load = math.inf if fit is None else fit.sigma**2 * max(len(window) - 6, 1)
+    load = 0.0 if fit is None else fit.sigma**2 * max(len(window) - 6, 1)
     for process in (INTEGRATING, SELF_REGULATING):
         w = search_window(window, process, False, period).with_load(START)
         best, _ = search(w.blocks, False)
@@ -42,7 +41,6 @@ def is_tail(window: EventWindow, fit: Fit | None, period: float) -> bool:
             continue
         if rss < (1.0 - EXPLAINED_SHARE) * float(np.sum((window.pv - window.pv.mean()) ** 2)):
             return True
-        independent = len(rest) / correlation_time(rest)
-        if 0.5 * independent * math.log(rss / load) < BELIEVED_LN:
+        if fit is not None and 0.5 * fit.n_eff * math.log(rss / load) < BELIEVED_LN:
             return True
     return False

@@ -135,7 +135,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(table_line(tally), flush=True)
         for a in tally.false[: args.show]:
             print(
-                f"  false: {a.loop} {a.kind} {a.start} {a.state} {a.amplitude:.3g} fit {a.fit} ci {a.ci} {a.reason[:90]}"
+                f"  false: {a.loop} {a.kind} {a.start} {a.state} {a.amplitude:.3g} fit {a.fit} ci {a.ci} {a.reason}"
             )
         for text in tally.missed[: args.show]:
             print(f"  missed: {text}")

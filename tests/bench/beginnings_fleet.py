@@ -128,9 +128,9 @@ def _ramps(spec: LoopSpec, settle: float, rng: np.random.Generator) -> Record:
 
 def _slave(spec: LoopSpec, settle: float, rng: np.random.Generator) -> Record:
     """A master moves the set point all the time, with a memory of some of the loop's own times."""
-    theta = spec.plant.half_rule()[0]
-    spec = replace(spec, master=1.0, master_time=theta * _log(rng, 3.0, 30.0), master_scan=spec.true_period)
-    return _record(spec, {}, {}, 2500 * spec.true_period, 0.0)
+    memory = spec.plant.half_rule()[0] * _log(rng, 3.0, 30.0)
+    spec = replace(spec, master=1.0, master_time=memory, master_scan=spec.true_period)
+    return _record(spec, {}, {}, max(2500 * spec.true_period, settle), 0.0)
 
 
 KINDS: dict[str, Callable[[LoopSpec, float, np.random.Generator], Record]] = {

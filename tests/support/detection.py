@@ -11,13 +11,18 @@ from numpy.typing import NDArray
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector, Found
-from monitor.detect.event import LOAD_STEP, SETPOINT_STEP, ClosedEvent, EventWindow, Opened
+from monitor.detect.event import LOAD_STEP, SETPOINT_RAMP, SETPOINT_STEP, ClosedEvent, EventWindow, Opened
 from tests.support.plants import stepped
 
 
 def events_of(found: Found) -> list[ClosedEvent]:
     """Set-point events that have closed."""
     return [e for e in found if isinstance(e, ClosedEvent) and e.kind == SETPOINT_STEP]
+
+
+def ramps_of(found: Found) -> list[ClosedEvent]:
+    """Set points that went on moving, handed out."""
+    return [e for e in found if isinstance(e, ClosedEvent) and e.kind == SETPOINT_RAMP]
 
 
 def loads_of(found: Found) -> list[ClosedEvent]:

@@ -13,7 +13,7 @@ from monitor.detect.detector import Detector
 from monitor.detect.event import ClosedEvent
 from sim_plants.specs import Steps
 from tests.monitor.detect.tools import TUNED, simulated
-from tests.support.detection import detected, events_of, loads_of, steps_of
+from tests.support.detection import detected, events_of, loads_of, ramps_of, steps_of
 from tests.support.plants import SECOND, START, times
 
 
@@ -105,11 +105,13 @@ def test_months_of_drift_are_no_load():
 
 
 def test_the_end_of_a_ramp_is_no_load():
-    """What a ramp leaves behind swings through zero before it is over."""
+    """What a ramp leaves behind swings through zero before it is over: it is the ramp's event."""
     slow = replace(TUNED, kp=TUNED.kp / 4, ti=TUNED.ti * 2)
     ramps = Steps((1000.0, 3000.0), (6.0, -6.0), 4000.0)
     samples = simulated(60_000.0, controller=slow, noise=0.05, setpoint=ramps, setpoint_rate=0.03)
-    assert detected(samples)[1] == []
+    _, found = detected(samples)
+    assert events_of(found) == loads_of(found) == []
+    assert [abs(ramp.amplitude) for ramp in ramps_of(found)] == pytest.approx([6.0] * 30)
 
 
 def test_noise_that_was_learnt_from_a_transient_is_learnt_anew():

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from monitor.contract.samples import Samples
 from monitor.detect.constants import STEP_REST_PERIODS
-from monitor.detect.event import BY_STEP, CAUSES
-from tests.support.detection import detected, events_of, loads_of, slots_are_whole, steps_of
+from monitor.detect.event import BY_END, BY_MOVING, BY_STEP, CAUSES
+from monitor.detect.state import FATES
+from tests.support.detection import detected, events_of, loads_of, ramps_of, slots_are_whole, steps_of
 from tests.support.plants import SECOND, START, pi_loop, stepped, times
 
 
@@ -38,23 +39,31 @@ def test_a_set_point_smeared_over_three_samples_is_one_step():
 
 
 @pytest.mark.parametrize("moves", [8, 100, 500])
-def test_a_ramp_is_no_step(moves):
-    """A set point that keeps moving opens nothing, and its window is given back."""
+def test_a_ramp_is_one_event_and_no_step(moves):
+    """A set point that keeps moving opens no step; its way is handed out when the loop has settled."""
     sp = np.full(900, 50.0)
     sp[200 : 200 + moves] += np.linspace(0, 4, moves)
     sp[200 + moves :] += 4.0
     pv, op = pi_loop(sp, noise=0.02)
     detector, found = detected(Samples.of(0, times(900), sp, pv, op))
-    assert steps_of(found) == []
+    assert events_of(found) == loads_of(found) == []
+    (ramp,) = ramps_of(found)
+    assert ramp.amplitude == pytest.approx(4.0)
+    assert 0 < (ramp.onset - START) / SECOND - 199 < 10 + moves / 20
+    assert ramp.window.rested
     slots_are_whole(detector)
 
 
-def test_a_set_point_that_never_rests_is_no_step():
-    """A cascade slave's set point, moving at every sample, opens nothing."""
+def test_a_set_point_that_never_rests_is_handed_out_in_parts():
+    """A cascade slave's set point, moving at every sample: no step, but windows of it, ever fewer."""
     rng = np.random.default_rng(0)
-    sp = 50 + np.cumsum(rng.normal(0, 0.1, 3000))
-    detector, found = detected(Samples.of(0, times(3000), sp, sp + rng.normal(0, 0.01, 3000), 50.0))
-    assert steps_of(found) == []
+    sp = 50 + np.cumsum(rng.normal(0, 0.1, 30_000))
+    detector, found = detected(Samples.of(0, times(30_000), sp, sp + rng.normal(0, 0.01, 30_000), 50.0))
+    assert events_of(found) == loads_of(found) == []
+    ways = ramps_of(found)
+    assert [way.cause for way in ways] == [CAUSES[BY_MOVING]] * len(ways)
+    assert 3 <= len(ways) <= 8
+    assert detector.state["moves"]["unrecorded"][0] > 10_000
     slots_are_whole(detector)
 
 
@@ -68,8 +77,51 @@ def test_a_cascade_slave_has_no_step(scan, noise):
     sp = 50 + np.repeat(master, scan)[:n]
     pv, op = pi_loop(sp, noise=noise)
     detector, found = detected(Samples.of(0, times(n), sp, pv, op))
-    assert found == []
+    assert events_of(found) == loads_of(found) == []
+    assert ramps_of(found)
     slots_are_whole(detector)
+
+
+@pytest.mark.parametrize("before", ["upset", "manual", "gap", "nothing"])
+def test_a_step_is_found_whatever_went_before(before):
+    """A far larger upset, manual, a gap or the data's beginning some samples earlier: a move is a move."""
+    n, at = 1500, 60
+    sp = np.where(np.arange(n) < at, 50.0, 52.0)
+    auto = np.ones(n, bool)
+    shaken = {"disturb": lambda k, pv: pv + 40.0 * np.exp(-k / 30.0)} if before == "upset" else {}
+    pv, op = pi_loop(sp, noise=0.02, **shaken)
+    time = times(n)
+    if before == "manual":
+        auto[:50] = False
+    elif before == "gap":
+        time = np.where(np.arange(n) < 50, time - 3600 * SECOND, time)
+    detector, found = detected(Samples.of(0, time, sp, pv, op, auto))
+    assert [e.amplitude for e in events_of(found)] == pytest.approx([2.0])
+    assert detector.state["moves"]["recorded"][0] == 1
+
+
+def test_a_step_at_the_end_of_the_data_is_confirmed():
+    """Three samples are too few to tell a step from a ramp, but the set point has moved."""
+    _, found = detected(stepped(903, 900, noise=0.02))
+    (closed,) = events_of(found)
+    assert closed.cause == CAUSES[BY_END]
+    assert closed.amplitude == pytest.approx(4.0)
+
+
+def test_every_move_has_its_fate():
+    """Recorded, in the noise, in manual, across a gap, beside a larger one: they add up to the moves made."""
+    n = 6000
+    sp = np.full(n, 50.0)
+    auto = np.ones(n, bool)
+    auto[2000:2300] = False
+    for at, size in ((500, 4.0), (1500, 0.02), (2100, 1.0), (3000, 4.0), (3020, -0.07), (4500, -2.0)):
+        sp[at:] += size
+    pv, op = pi_loop(sp, noise=0.02)
+    time = times(n)
+    time[4500:] += 500 * SECOND
+    detector, _ = detected(Samples.of(0, time, sp, pv, op, auto))
+    fates = dict(zip(FATES, detector.state["moves"][0], strict=True))
+    assert fates == {"recorded": 2, "in_noise": 1, "cut_off": 1, "in_manual": 1, "beside": 1, "unrecorded": 0}
 
 
 def test_a_controller_that_writes_once_a_minute_is_found_out():
@@ -145,8 +197,7 @@ def test_a_ramp_slow_or_fast_is_neither_step_nor_load(rate):
     sp = 50.0 + np.clip(n - 500, 0, min(6.0 / rate, 4000)) * rate
     pv, op = pi_loop(sp, noise=0.05)
     _, found = detected(Samples.of(0, times(6000), sp, pv, op))
-    assert steps_of(found) == []
-    assert loads_of(found) == []
+    assert events_of(found) == loads_of(found) == []
 
 
 def test_a_set_point_that_tracks_pv_in_manual_is_no_step():
@@ -162,14 +213,15 @@ def test_a_set_point_that_tracks_pv_in_manual_is_no_step():
 
 
 @pytest.mark.parametrize("late", [0, 1, 8])
-def test_back_to_automatic_with_a_step_is_not_used(late):
-    """The set point jumps as the loop goes to automatic, or soon after: there is no baseline to judge it by."""
+def test_back_to_automatic_with_a_step_is_not_at_rest(late):
+    """The set point jumps as the loop goes to automatic: that is no step. Soon after it is, of a loop not at rest."""
     n = 2000
     auto = (np.arange(n) < 500) | (np.arange(n) >= 900)
     sp = np.where(np.arange(n) < 900 + late, 50.0, 56.0)
     pv, op = pi_loop(sp, noise=0.02)
     _, found = detected(Samples.of(0, times(n), sp, pv, op, auto))
-    assert found == []
+    assert loads_of(found) == []
+    assert [e.window.rested for e in events_of(found)] == ([False] if late else [])
 
 
 def test_a_step_below_the_noise_is_none():

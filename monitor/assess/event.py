@@ -56,6 +56,8 @@ class Finding:
     """Models of the other kind of process that the event does not exclude; looked for where settings may follow."""
     misfit: ModelError | None = None
     """The error of the model that the event shows, likewise."""
+    error: float = 0.0
+    """Integrated absolute error, the noise's share taken off [PV s]."""
 
     @property
     def swing(self) -> float:
@@ -105,6 +107,7 @@ def assess_event(
         is_event=not load or (fit is not None and is_load_step(fit, event) and op_moved(fit, event)),
         noise=event.noise,
         period=event.period,
+        error=event.iae - event.iae_noise,
     )
     if fit is None or not (finding.usable or finding.wide) or not (thorough or verdict != GOOD):
         return finding

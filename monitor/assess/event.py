@@ -63,6 +63,10 @@ class Finding:
     """Models of the other kind of process that the event does not exclude; looked for where settings may follow."""
     misfit: ModelError | None = None
     """The error of the model that the event shows, likewise."""
+    error: float = 0.0
+    """Integrated absolute error, the noise's share taken off [PV s]."""
+    stepped: bool = True
+    """Set point or load stepped: the reference's error is known for any model."""
 
     @property
     def swing(self) -> float:
@@ -119,6 +123,8 @@ def assess_event(
         is_tail=tail,
         noise=event.noise,
         period=event.period,
+        error=event.iae - event.iae_noise,
+        stepped=event.kind != SETPOINT_RAMP,
     )
     if fit is None or not (finding.usable or finding.wide) or not (thorough or verdict != GOOD):
         return finding

@@ -40,21 +40,34 @@ def index(loop: Loop, event: ClosedEvent, fit: Fit) -> float | None:
         return None
     if event.kind == SETPOINT_RAMP:
         return _ramp_index(loop, event, fit)
-    model = model_of(fit)
-    structure = reference_structure(loop)
-    tc = closed_loop_time(loop, reduced(model, structure), event.period)
+    kind, size = (SETPOINT, event.amplitude) if fit.size is None else (LOAD, fit.size)
+    found = index_on(loop, fit, (kind, size, event.iae - event.iae_noise), event.period)
+    if found is None or beats_dead_time(event, fit):
+        return None
+    still_far = abs(event.offset) > 0.1 * abs(event.amplitude)
+    if event.state != SETTLED and still_far and found >= loop.ci_min:
+        return None
+    return found
+
+
+def index_on(loop: Loop, fit: Fit, step: tuple[str, float, float], period: float) -> float | None:
+    """Return the reference's IAE on a model over the one measured; None where none applies.
+
+    Parameters
+    ----------
+    step
+        Its kind, its size (PV of a set-point, OP of a load step), and the error that it left, without noise [PV s].
+    period
+        Of the samples [s].
+    """
+    kind, size, error = step
+    model, structure = model_of(fit), reference_structure(loop)
+    tc = closed_loop_time(loop, reduced(model, structure), period)
     try:
-        kind, size = (SETPOINT, event.amplitude) if fit.size is None else (LOAD, fit.size)
         best = reference_iae(kind, size, model, structure, tc, loop.b, loop.c)
     except ValueError:
         return None
-    iae = event.iae - event.iae_noise
-    if not math.isfinite(best) or iae <= 0 or beats_dead_time(event, fit):
-        return None
-    still_far = abs(event.offset) > 0.1 * abs(event.amplitude)
-    if event.state != SETTLED and still_far and best / iae >= loop.ci_min:
-        return None
-    return best / iae
+    return best / error if math.isfinite(best) and error > 0 else None
 
 
 def _ramp_index(loop: Loop, event: ClosedEvent, fit: Fit) -> float | None:

@@ -245,7 +245,7 @@ def _without_noise(
     scale = np.sqrt(np.maximum(np.diag(m)[active], LEAST_PRODUCT))
     scaled = left / np.outer(scale, scale) + RIDGE_SHARE * np.eye(len(active))
     out = np.full(4, np.nan)
-    if np.linalg.eigvalsh(scaled)[0] > 0.0:
+    if np.isfinite(scaled).all() and np.linalg.eigvalsh(scaled)[0] > 0.0:
         out[:] = 0.0
         out[active] = np.linalg.solve(scaled, m[active, OP] / scale) / scale
     return out[:OP_GAINS]

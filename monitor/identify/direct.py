@@ -28,8 +28,10 @@ from .response import LAG, START, STEP, load_of_shape, response, start_response
 from .search import descend, search, walk
 from .uncertainty import (
     OTHER_LOAD_FLOOR_RATIOS,
+    OTHER_LOAD_LN_GAIN_SD,
     SECOND_LAG_SHARE,
     across_valley,
+    beyond_noise,
     correlation_time,
     covariance_by_tangents,
     covariance_of_lost_samples,
@@ -124,7 +126,9 @@ def fit_window(
     fit = replace(fit, log_likelihood=found.log_likelihood, n_eff=found.n_eff, valley=best.valley)
     fit = replace(fit, leaves_more=found.leaves_more, start=best.load if w.points.shape == START else 0.0)
     if found.other is not None:
-        fit = replace(fit, other=found.other, floor=fit.floor * OTHER_LOAD_FLOOR_RATIOS)
+        floor = fit.floor * OTHER_LOAD_FLOOR_RATIOS
+        floor[0] += OTHER_LOAD_LN_GAIN_SD**2 if process == SELF_REGULATING else 0.0
+        fit = replace(fit, other=found.other, floor=floor)
     return replace(fit, size=best.load / best.gain, onset=float(p[P_ONSET])) if load else fit
 
 
@@ -206,7 +210,7 @@ def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None, other_loads: bo
         found = _one_lag(w, best)
     else:
         n, m = len(w.points.at), len(rest)
-        beyond = max(rss / m - w.quiet**2 * (m / n if w.means else 1.0), 0.0)
+        beyond = beyond_noise(rest, w.quiet * (math.sqrt(m / n) if w.means else 1.0), w.alike)
         found = _two_lags(w, best, rss / n_eff, beyond * m)
     residual = np.empty(len(w.points.at))
     evaluate(w.points, found.p, residual)
@@ -254,7 +258,7 @@ def _one_lag(w: SearchWindow, start: Array) -> _Optimum:
         columns[:, 3] = of_second_lag(w, p, gain, load)
     elif w.kind >= 2:
         columns = np.insert(columns, 3, of_loads_lag(w.points, w.with_load(LAG).points, p, load), axis=1)
-    scatter = tangent_scatter(residual, columns, t0, step, w.quiet, w.kind >= 2)
+    scatter = tangent_scatter(residual, columns, t0, step, w.quiet, w.kind >= 2, w.alike)
     return _Optimum(p, gain, load, scatter, None)
 
 

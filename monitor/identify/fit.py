@@ -190,7 +190,9 @@ def combine(fits: list[Fit]) -> Fit:
     each = [np.array([math.log(abs(f.gain)), f.lag + f.lag2 / 2, f.dead_time + f.lag2 / 2]) for f in fits]
     mean = together @ np.sum([w @ x for w, x in zip(weights, each, strict=True)], axis=0)
     half = min(float(np.mean([f.lag2 for f in fits])) / 2, max(mean[1] / 2, 0.0), max(mean[2], 0.0))
-    floor = np.mean([f.floor for f in fits], axis=0)
+    # how much each event counts for each figure, so that one which knows little takes nothing from the others
+    shares = np.array([np.clip(np.diag(together @ w), 0.0, None) for w in weights])
+    floor = (np.sum(shares * [np.sqrt(f.floor) for f in fits], axis=0) / np.sum(shares, axis=0)) ** 2
     best = max(fits, key=lambda f: f.quality)
     return replace(
         best,

@@ -193,13 +193,14 @@ def _cells(window: EventWindow, fit: Fit) -> _Cells | None:
     # OP is held from sample to sample, PV is not
     held = u[np.searchsorted(t, at + 1e-6 * fine, side="right") - 1]
     residual = window.pv - sum(moved)
-    rows = [np.mean(np.interp(at, t, x).reshape(n, each), axis=1) for x in (residual, *moved)]
-    r, shapes = rows[0], rows[1:]
+    r = np.mean(np.interp(at, t, residual).reshape(n, each), axis=1)
+    # where each cell begins, and backwards: what comes later answers, through OP, the very noise that is in it
+    shapes = [np.interp(at[::each], t, x) for x in moved]
     line = np.linspace(-1.0, 1.0, n)
     parts = [np.ones(n)] + ([line] if kind == 0 else [])
     for x in shapes:
-        slope = np.gradient(x)
-        parts += [x, slope, np.gradient(slope)]
+        slope = np.diff(x, prepend=x[0])
+        parts += [x, slope, np.diff(slope, prepend=slope[0])]
     basis = _orthonormal(np.column_stack(parts))
     r = r - basis @ (basis.T @ r)
     op = np.ascontiguousarray(np.mean(held.reshape(n, each), axis=1))

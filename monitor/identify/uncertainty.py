@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,7 +23,9 @@ from .projection import (
     unit_responses,
 )
 from .response import LAG, START, STEP
-from .window import SearchWindow
+
+if TYPE_CHECKING:
+    from .window import SearchWindow
 
 LN_GAIN_FLOOR_SD = 0.01
 """One sigma of model mismatch in ln gain: a half-rule model of a fourth-order plant is 1 % off without noise."""
@@ -33,6 +36,13 @@ TIME_FLOOR_SHARE = 0.04
 OTHER_LOAD_FLOOR_RATIOS = np.array([4.0, 2.0, 2.0]) ** 2
 """What these variances, of ln gain and times, grow by where a load of another shape is beside: a model's error and a
 load's shape cannot be told apart."""
+OTHER_LOAD_LN_GAIN_SD = 0.5
+"""One sigma of ln gain of a self-regulating process where the load was no step: a slow load and a slow tail of the
+process are the same to PV. In simulated events of other shapes and loads the gain was off by 0.3 in the middle and by
+0.9 in one of five, with nothing but noise left of PV."""
+GOES_ON_RATIO = 4.0
+"""Points of the residuals that carry the information of one, over those of the noise before the event, from which a
+model lacks something. With white noise: in 1 of 48 simulated events of right models, in 57 of 184 of others."""
 STAMP_PERIODS = 0.1
 """One sigma of dead time and lag in sample periods, where the dead time is resolved."""
 UNRESOLVED_PERIODS = 1.0
@@ -191,9 +201,30 @@ def of_loads_lag(w: Columns, through: Columns, p: Array, load: float) -> Array:
     return np.asarray(load * (unit_responses(through, q)[1] - unit_responses(w, p)[1]))
 
 
+def beyond_noise(residual: Array, quiet: float, alike: float) -> float:
+    """Power of the residuals that is no noise [PV^2]: what there is more of than before, or what goes on.
+
+    Noise soon forgets itself, what a model lacks goes on: where it does so for longer than the noise before the
+    event, the autocovariance of one sample is its power, however little of it stands out of the noise.
+
+    Parameters
+    ----------
+    quiet
+        Standard deviation that noise alone may give residuals [PV].
+    alike
+        Points of noise before the event that carry the information of one.
+    """
+    n = len(residual)
+    power = float(residual @ residual) / max(n - 6, 1)
+    goes_on = correlation_time(residual) > GOES_ON_RATIO * alike
+    lacked = float(residual[1:] @ residual[:-1]) / n if goes_on else 0.0
+    return max(power - quiet**2, lacked, 0.0)
+
+
 def tangent_scatter(
-    residual: Array, jacobian: Array, t0: float, step: float, quiet: float, shape: bool = False
-) -> Array:
+    residual: Array, jacobian: Array, t0: float, step: float, quiet: float, shape: bool = False,
+    alike: float = math.inf,
+) -> Array:  # fmt: skip
     """Return the (3, 3) covariance of (ln |gain|, lag, dead time) by tangents, the residuals' correlation considered.
 
     Parameters
@@ -206,11 +237,13 @@ def tangent_scatter(
         Standard deviation that the residuals may have by noise alone [PV].
     shape
         The fourth column is `of_second_lag` or `of_loads_lag`.
+    alike
+        Points of noise that carry the information of one; by default any number.
     """
     n = len(residual)
     power = float(residual @ residual) / max(n - 6, 1)
     # what is no noise is one disturbance of unknown shape: it may all lie along what moves a parameter
-    beyond = max(power - quiet**2, 0.0)
+    beyond = beyond_noise(residual, quiet, alike)
     # lag and dead time are parts of T0: where the data cannot tell them apart, neither exceeds it by much
     prior = np.zeros(jacobian.shape[1])
     prior[:3] = 1e-2, 1.0 / (t0 + step) ** 2, 1.0 / (t0 + step) ** 2

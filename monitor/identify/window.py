@@ -25,6 +25,7 @@ from .projection import (
     project,
 )
 from .response import START, STEP
+from .uncertainty import correlation_time
 
 QUIET_SIGMAS = 3.0
 """Standard deviations by which the residuals' variance may exceed that of the noise before the event by chance."""
@@ -51,6 +52,8 @@ class SearchWindow:
     """Standard deviation of PV's noise before the event [PV]."""
     quiet: float
     """Most that residuals may have as theirs by noise alone, coloured as it was before the event [PV]."""
+    alike: float
+    """How many points of it carry the information of one."""
     period: float | None
     """Sample period, if known [s]."""
     means: bool = True
@@ -128,9 +131,9 @@ def search_window(
     else:
         at, mean, since, held = blocks(t, u, y, MOST_POINTS)
         few = (at, since, held, mean)
-    quiet = _quiet(window, load, noise)
+    quiet, alike = _quiet(window, load, noise)
     points = columns((t, t, u, y), kind)
-    laid = SearchWindow(points, columns(few, kind), y, few[-1], noise, quiet, period, not picked)
+    laid = SearchWindow(points, columns(few, kind), y, few[-1], noise, quiet, alike, period, not picked)
     return laid if window.rested or load else laid.with_load(START)
 
 
@@ -159,14 +162,15 @@ def _noise(window: EventWindow, load: bool) -> float:
     return float(np.std(np.diff(quiet, 2))) / math.sqrt(6.0)
 
 
-def _quiet(window: EventWindow, load: bool, noise: float) -> float:
-    """Return the standard deviation that noise alone may give residuals, by PV before the event less its slope [PV]."""
+def _quiet(window: EventWindow, load: bool, noise: float) -> tuple[float, float]:
+    """Return what noise alone may give residuals, by PV before the event less its slope: (SD [PV], points alike)."""
     m = max(window.before // 2 if load else window.before, 3)
     t, y = window.time[:m], window.pv[:m]
-    line = np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, y, 1))
-    spread = float(np.sum((y - line) ** 2)) / max(m - 2, 1)
+    rest = y - np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, y, 1))
+    spread = float(rest @ rest) / max(m - 2, 1)
     # so few points tell a variance only roughly
-    return math.sqrt(max(spread, noise**2) * (1.0 + QUIET_SIGMAS * math.sqrt(2.0 / m + 2.0 / len(window))))
+    chance = QUIET_SIGMAS * math.sqrt(2.0 / m + 2.0 / len(window))
+    return math.sqrt(max(spread, noise**2) * (1.0 + chance)), correlation_time(rest)
 
 
 def op_from_rest(window: EventWindow, load: bool) -> Array:

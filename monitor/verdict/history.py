@@ -13,6 +13,7 @@ from monitor.advise.candidates import rule_mismatch
 from monitor.advise.evidence import Evidence
 from monitor.advise.suggestion import Advice, Withheld, advise, renewed
 from monitor.assess.event import Finding, model_fields
+from monitor.assess.evidence import is_wide
 from monitor.assess.reference import model_of, settings_of
 from monitor.assess.tuning import current_sensitivity, judge
 from monitor.contract.loops import Loop
@@ -23,7 +24,8 @@ from monitor.identify.misfit import ModelError
 
 from .in_force import InForce, change_in_words
 from .parts import Tuning, suggested
-from .plan import part_of, plan_of
+from .plan import at_aim, part_of, plan_of
+from .speed import falls_short, indices
 
 MOST_FINDINGS = 20
 """Findings kept for each loop: the newest ones make its verdict, and memory does not grow with history."""
@@ -37,6 +39,7 @@ _WAIT = "wait for, or make, a clean set-point step"
 _HALF_WAY = "a part of the retune is in force"
 _GO_ON = "make a set-point step or wait for a load; the next part follows when it has confirmed the model"
 _ON_THE_WAY = "a part of the retune is in force; its aim is not reached"
+_NOT_YET = "the retune is in force, and the events since allow more"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +76,13 @@ class LoopHistory:
 
     @property
     def under_way(self) -> bool:
-        """Whether a part of a retune is in force, with more to come."""
+        """Whether a retune is in force, in part or as a whole, that no event has shown to be enough."""
         return self.plan is not None and self.plan.since is not None
+
+    @property
+    def part_in_force(self) -> bool:
+        """Whether a part of a retune is in force, with more to come."""
+        return self.plan is not None and self.under_way and not at_aim(self.plan, settings_of(self.loop))
 
     @property
     def loop(self) -> Loop:
@@ -131,18 +139,21 @@ class LoopHistory:
     @property
     def usable(self) -> list[Finding]:
         """Findings whose fit may carry a suggestion: by itself, or beside others."""
-        beside = any(f.usable for f in self.findings)
+        wide = [f for f in self.findings if f.wide]
+        beside = any(f.usable for f in self.findings) or _narrow_together(wide)
         return [f for f in self.findings if f.usable or (f.wide and beside)]
 
     def evidence(self, joint: Fit) -> Evidence:
         """Return what the events leave open beside the model that they agree on."""
-        newest, misfit = [f for f in self.usable if f.usable][-1], self._misfit()
+        misfit = self._misfit()
         softened = None if self.plan is None or not self.under_way else self.plan.softened
         size = 0.0 if misfit is None else misfit.size
-        others = [f.fit for f in self.usable if f.fit is not None and f.fit.process != joint.process]
+        # one that does not know its gain says nothing of the kind, as in `_joint`
+        sure = [f for f in self.usable if f.usable] or self.usable
+        others = [f.fit for f in sure if f.fit is not None and f.fit.process != joint.process]
         loads = all(f.record.kind == LOAD for f in self.usable)
         return Evidence(
-            rivals=(*(r for r in newest.rivals if r.process != joint.process), *others[-1:]),
+            rivals=(*(r for r in sure[-1].rivals if r.process != joint.process), *others[-1:]),
             misfit=misfit,
             loads_only=loads and not self._confirmed(joint),
             soft_step=softened is None or size < SHRUNK_SHARE * softened,
@@ -199,29 +210,39 @@ def _judge(history: LoopHistory) -> tuple[Tuning, _Standing | None]:
     if joint is None or why:
         return _contradiction(tuning if joint else replace(tuning, process=UNDECIDED), why), history.standing
     joint = replace(joint, extra_delay=history.in_force.extra_delay)
-    tuning = _of_model(history, tuning, joint)
+    measured = indices(loop, joint, seen)
+    tuning = _of_model(history, replace(tuning, ci_setpoint=measured[0], ci_load=measured[1]), joint)
     if contradiction:
         return tuning, None
-    if history.under_way and not newer:
+    if history.part_in_force and not newer:
         since = f", and no event usable since: {today[-1].record.reason}" if today else "; no event yet"
         return replace(tuning, verdict=INCONCLUSIVE, reason=_HALF_WAY + since, action=_GO_ON), None
-    if tuning.verdict != RETUNE and not (tuning.verdict == GOOD and history.under_way):
-        history.plan = history.plan if history.under_way else None
+    short = _more_to_come(history, joint) if newer else ""
+    if tuning.verdict != RETUNE and not short:
+        history.plan = history.plan if history.under_way and tuning.verdict != GOOD else None
         return replace(tuning, action="none" if tuning.verdict == GOOD else _WAIT), None
-    tuning, standing = _advise(history, tuning, joint)
+    tuning, standing = _advise(history, tuning, joint, short)
     if tuning.verdict == RETUNE and (why := rule_mismatch(loop, joint.process)):
         tuning = replace(tuning, action=f"{tuning.action}; the rule {loop.rule} is not used: {why}")
     return tuning, standing
+
+
+def _narrow_together(wide: list[Finding]) -> bool:
+    """Whether events, of which none knows the gain well enough, know it together."""
+    joint, why = _joint(wide) if wide else (None, "")
+    return joint is not None and not why and not is_wide(joint)
 
 
 def _joint(usable: list[Finding]) -> tuple[Fit | None, str]:
     """Put events into one model; beside it why that is no use, empty where it is. None: they have nothing in common.
 
     Of two kinds of process the one that more events show is taken, the newer one of as many: the other one stays a
-    rival that a suggestion has to be safe for.
+    rival that a suggestion has to be safe for. An event that does not know its gain says nothing of the kind, where
+    others do.
     """
     every = [f.fit for f in usable if f.fit is not None]
-    kinds = Counter(f.process for f in every)
+    sure = [f.fit for f in usable if f.usable and f.fit is not None]
+    kinds = Counter(f.process for f in sure or every)
     most = max(every, key=lambda f: (kinds[f.process], every.index(f))).process
     fits = [f for f in every if f.process == most]
     if len({math.copysign(1, f.gain) for f in every}) > 1:
@@ -256,36 +277,47 @@ def _of_model(history: LoopHistory, tuning: Tuning, joint: Fit) -> Tuning:
     return replace(tuning, reason=reason)
 
 
-def _advise(history: LoopHistory, tuning: Tuning, joint: Fit) -> tuple[Tuning, _Standing | None]:
-    """Add a suggestion; the old one is kept while the model stays inside its intervals, and it safe."""
+def _more_to_come(history: LoopHistory, joint: Fit) -> str:
+    """Say why a retune under way goes on, whatever the index of its events; empty where it does not."""
+    if history.part_in_force:
+        return _ON_THE_WAY
+    short = falls_short(history.loop, joint, history.usable[-1].period) if history.under_way else ""
+    return f"{_NOT_YET}: {short}" if short else ""
+
+
+def _advise(history: LoopHistory, tuning: Tuning, joint: Fit, short: str) -> tuple[Tuning, _Standing | None]:
+    """Add a suggestion; the old one is kept while the model stays inside its intervals, and it safe.
+
+    ``short`` says why a loop whose events ask for none is given one.
+    """
     loop, evidence = history.loop, history.evidence(joint)
+    if tuning.verdict != RETUNE:  # a step in spite of the model's error is for a loop in need
+        evidence = replace(evidence, soft_step=False)
     noise, period = float(np.median([f.noise for f in history.usable])), history.usable[-1].period
     old = history.standing
     if old is not None and _inside(joint, old.fit):
         still = renewed(old.advice, loop, joint, noise, period, evidence)
         if still is not None:
             history.plan = plan_of(loop, still, history.plan, evidence)
-            return _with(history, tuning, still), old
+            return _with(history, tuning, still, short), old
     advice = advise(loop, joint, noise, period, tuning.ms, evidence)
     if not isinstance(advice, Withheld):
         history.plan = plan_of(loop, advice, history.plan, evidence)
-        return _with(history, tuning, advice), _Standing(advice, joint)
+        return _with(history, tuning, advice, short), _Standing(advice, joint)
     if advice.fine_as_it_is:
         history.plan = None
         return replace(tuning, verdict=GOOD, reason=advice.reason, action="none"), None
-    if tuning.verdict == GOOD:  # on the way to an aim that the events do not allow any more
-        return replace(tuning, action="none"), None
+    if tuning.verdict != RETUNE:  # on the way to an aim that the events do not allow any more
+        return replace(tuning, action="none" if tuning.verdict == GOOD else _WAIT), None
     reason = f"{tuning.reason}; no suggestion: {advice.reason}"
     action = "retune by hand with care, or make a larger set-point step for a sharper model"
     return replace(tuning, reason=reason, action=action), None
 
 
-def _with(history: LoopHistory, tuning: Tuning, advice: Advice) -> Tuning:
+def _with(history: LoopHistory, tuning: Tuning, advice: Advice, short: str) -> Tuning:
     """Add a suggestion; on the way to an aim it is one even where the loop is good enough already."""
     new = suggested(history.loop, advice)
-    reason = (
-        tuning.reason if tuning.verdict == RETUNE else "; ".join(filter(None, [tuning.reason, _ON_THE_WAY]))
-    )
+    reason = tuning.reason if tuning.verdict == RETUNE else "; ".join(filter(None, [tuning.reason, short]))
     return replace(tuning, verdict=RETUNE, reason=reason, suggested=new, action=new.action)
 
 

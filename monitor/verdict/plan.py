@@ -33,8 +33,13 @@ def plan_of(loop: Loop, advice: Advice, before: Plan | None, evidence: Evidence)
 
 
 def part_of(plan: Plan, today: Settings | None) -> bool:
-    """Whether settings are a part of a plan, with more to come."""
-    return today is not None and any(_alike(today, stage) for stage in plan.stages[:-1])
+    """Whether settings are a part of a plan, or its aim."""
+    return today is not None and any(_alike(today, stage) for stage in plan.stages)
+
+
+def at_aim(plan: Plan, today: Settings | None) -> bool:
+    """Whether settings are a plan's aim: nothing of it is to come."""
+    return today is not None and _alike(today, plan.stages[-1])
 
 
 def _plain(settings: Settings) -> dict[str, float | None]:

@@ -42,6 +42,13 @@ def test_combining_lies_between_and_is_sharper():
     assert again.gain == pytest.approx(joint.gain, rel=1e-12)
 
 
+def test_a_poor_event_takes_nothing_from_a_good_one():
+    """However little its shape is known, the mismatch that is held to be possible stays that of the good one."""
+    good = make_fit(sd=(0.01, 0.1, 0.1))
+    poor = replace(make_fit(sd=(0.5, 5.0, 5.0)), floor=100.0 * good.floor)
+    np.testing.assert_array_less(combine([good, poor]).floor, 1.1 * good.floor)
+
+
 def test_combining_keeps_the_sign():
     """Negative gains stay negative."""
     assert combine([make_fit(gain=-0.05), make_fit(gain=-0.06)]).gain < 0

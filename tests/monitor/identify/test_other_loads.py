@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from monitor.detect.event import ClosedEvent
-from monitor.identify.direct import fit_kinds, model_response
+from monitor.identify.direct import fit_kinds, fit_window, model_response
 from monitor.identify.fit import Fit
 from sim_plants.controllers import Controller
 from sim_plants.loops import Simulation
@@ -119,3 +119,16 @@ def test_what_cannot_be_told_apart_is_less_certain():
         narrow, wide = (np.ptp(fit.interval(name)) for fit in (plain, shaped))
         assert wide > 1.5 * narrow
     assert replace(shaped, other=None).size == shaped.size
+
+
+@pytest.mark.parametrize("process", [SELF_REGULATING, INTEGRATING])
+def test_a_load_of_another_shape_leaves_the_gain_of_a_self_regulating_process_open(process):
+    """A slow load passes for a slow tail of the process: its gain is known to a factor, an integrator's well."""
+    plant = Plant(process, 0.05 if process == INTEGRATING else 2.0, 6.0, (20.0,))
+    event = closed(ramp(10.0, 60.0), noise=0.01, plant=plant)
+    fit = fit_window(event.window, process, load=True, period=event.period, other_loads=True)
+    assert fit is not None
+    assert fit.other is not None
+    low, high = fit.interval("gain")
+    assert low < plant.gain < high
+    assert (high / low > 4.0) == (process == SELF_REGULATING)

@@ -11,7 +11,7 @@ import pytest
 from monitor.detect.event import EventWindow
 from monitor.identify.direct import fit_window
 from monitor.identify.fit import Fit
-from monitor.identify.uncertainty import correlation_time, tangent_scatter
+from monitor.identify.uncertainty import beyond_noise, correlation_time, tangent_scatter
 from sim_plants.controllers import Controller
 from sim_plants.plants import Plant
 from sim_plants.settings import simc
@@ -161,3 +161,14 @@ def test_a_plant_of_more_lags_is_inside_its_interval(seed):
     assert fit is not None
     low, high = fit.interval("gain")
     assert low < 0.05 < high
+
+
+def test_what_goes_on_is_no_noise_however_small():
+    """A slow error half hidden in noise that was white before; none where noise itself was as slow."""
+    rng = np.random.default_rng(0)
+    noise = rng.normal(0.0, 0.1, 600)
+    slow = 0.07 * np.sin(np.linspace(0.0, 15.0, 600))
+    assert beyond_noise(noise, 0.15, 1.0) == 0.0
+    assert beyond_noise(noise + slow, 0.15, 1.0) == pytest.approx(0.07**2 / 2, rel=0.4)
+    assert beyond_noise(noise + slow, 0.15, 30.0) == 0.0
+    assert beyond_noise(noise, 0.05, 1.0) == pytest.approx(0.1**2 - 0.05**2, rel=0.15)

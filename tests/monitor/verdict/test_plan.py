@@ -11,7 +11,7 @@ import msgspec
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import GOOD, INCONCLUSIVE, RETUNE, LoopRow, Plan
 from monitor.engine import Engine
-from monitor.verdict.plan import part_of
+from monitor.verdict.plan import at_aim, part_of
 from monitor.wire.encode import decode_plan, encode_plan
 from tests.support.plants import stepped
 from tuners.settings import Settings
@@ -28,12 +28,15 @@ PLAN = Plan(
 
 
 def test_a_part_is_known_by_gain_and_integral_time():
-    """What was typed in is a stage to some digits; the aim has nothing to come."""
+    """What was typed in is a stage to some digits; the last one is the aim, of which nothing is to come."""
     assert part_of(PLAN, Settings(2.1, 78.0))
     assert not part_of(PLAN, Settings(2.5, 80.0))
     assert not part_of(PLAN, Settings(2.0, math.inf))
-    assert not part_of(PLAN, Settings(3.0, 60.0))
+    assert part_of(PLAN, Settings(3.0, 60.0))
     assert not part_of(PLAN, None)
+    assert at_aim(PLAN, Settings(3.0, 60.0))
+    assert not at_aim(PLAN, Settings(2.0, 80.0))
+    assert not at_aim(PLAN, None)
 
 
 def test_a_plan_survives_its_bytes():

@@ -1,0 +1,56 @@
+"""How fast a loop is by all that its events show: measured on the model that they agree on, and foreseen by it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from monitor.advise.prediction import predict, references_of
+from monitor.assess.event import Finding
+from monitor.assess.index import index_on
+from monitor.assess.reference import closed_loop_time, model_of, reduced, reference_structure, settings_of
+from monitor.contract.loops import Loop
+from monitor.contract.records import LOAD, SETPOINT
+from monitor.identify.fit import Fit
+
+SHORT_RATIO = 1.25
+"""Times ``ci_min`` below which the model foresees that a retuned loop is still too slow. The dead time that a fit finds
+lies 5 to 25 % above that of the half rule where there are many lags, and with it the reference's error."""
+
+
+def indices(loop: Loop, joint: Fit, findings: list[Finding]) -> tuple[float | None, float | None]:
+    """Return CI_sp and CI_ld on the model that the events agree on, each the median of its events.
+
+    An event's own model may be a poor one, and say that the reference is as slow as the loop: under 3 % of noise, or
+    where a load has moved PV little, by a factor of two to five.
+    """
+    found: dict[str, list[float]] = {SETPOINT: [], LOAD: []}
+    for finding in findings:
+        if finding.record.ci is None or finding.fit is None:
+            continue
+        kind = finding.record.kind
+        size = finding.record.amplitude if finding.fit.size is None else finding.fit.size
+        ci = finding.record.ci
+        if finding.stepped:
+            ci = index_on(loop, joint, (kind, size, finding.error), finding.period)
+        if ci is not None:
+            found[kind].append(ci)
+    of_setpoint, of_load = (float(np.median(v)) if v else None for v in found.values())
+    return of_setpoint, of_load
+
+
+def falls_short(loop: Loop, joint: Fit, period: float) -> str:
+    """Say for which kind of step the model foresees that today's settings are too slow; empty where for none.
+
+    Events may have shown the other kind alone.
+    """
+    today = settings_of(loop)
+    if today is None or loop.objective == "averaging":
+        return ""
+    model, structure = model_of(joint), reference_structure(loop)
+    tc = closed_loop_time(loop, reduced(model, structure), period)
+    (now,), _ = predict(model, [today], None)
+    for kind, best in references_of(loop, joint, structure, tc).of.items():
+        if best.iae < SHORT_RATIO * loop.ci_min * now.iae[kind]:
+            name = "CI_sp" if kind == SETPOINT else "CI_ld"
+            return f"the model foresees {name} = {best.iae / now.iae[kind]:.2f}"
+    return ""

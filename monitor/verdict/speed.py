@@ -29,7 +29,7 @@ def indices(loop: Loop, joint: Fit, findings: list[Finding]) -> tuple[float | No
             continue
         kind = finding.record.kind
         size = finding.record.amplitude if finding.fit.size is None else finding.fit.size
-        ci = finding.record.ci
+        ci: float | None = finding.record.ci
         if finding.stepped:
             ci = index_on(loop, joint, (kind, size, finding.error), finding.period)
         if ci is not None:

@@ -13,11 +13,20 @@ import numpy as np
 
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, LOAD, SETPOINT, UNDECIDED, Assessment, event_id
-from monitor.detect.event import BY_MOVING, CAUSES, LOAD_STEP, SETPOINT_RAMP, ClosedEvent
+from monitor.detect.event import (
+    BY_MOVING,
+    CAUSES,
+    LOAD_STEP,
+    MEAN_ABS_SD,
+    SETPOINT_RAMP,
+    SETPOINT_STEP,
+    ClosedEvent,
+)
 from monitor.identify.fit import Fit
 from monitor.identify.misfit import ModelError, model_error
 from monitor.identify.outliers import without_outliers
 from monitor.identify.tail import is_tail
+from monitor.identify.working_setpoint import working_setpoint
 from tuners.models import Model
 
 from .evidence import (
@@ -33,7 +42,7 @@ from .evidence import (
 )
 from .index import index, overshoot
 from .process import model_of_event, rivals
-from .reference import model_of
+from .reference import model_of, settings_of
 from .tuning import current_sensitivity, judge
 
 TAIL_PERIODS = 4000.0
@@ -93,7 +102,9 @@ def assess_event(
         Look at the other kind of process and the model's error even where the loop is good: a retune is under way.
     """
     load = event.kind == LOAD_STEP
-    event = without_outliers(event)
+    event, ramped = without_outliers(event), ""
+    if not contradiction:
+        event, ramped = as_worked_with(loop, event)
     shown = model_of_event(loop, event)
     fit = None if shown.fit is None else replace(shown.fit, extra_delay=extra_delay)
     shown, decided = shown._replace(fit=fit), shown.decided
@@ -109,7 +120,7 @@ def assess_event(
     doubts = [*against, contradiction] if contradiction else against
     verdict, reason = _said(loop, event, model, (ci, ms), doubts)
     if event.kind == SETPOINT_RAMP:
-        reason = "; ".join(filter(None, [ramp_in_words(event), reason]))
+        reason = "; ".join(filter(None, [ramped or ramp_in_words(event), reason]))
     if ci is None and not doubts and not load and trusted is not None and trusted.other is not None:
         verdict, reason = (verdict, reason) if verdict != INCONCLUSIVE else (INCONCLUSIVE, LOAD_BESIDE)
     said = verdict, "; ".join(filter(None, [shown.contradiction, reason]))
@@ -191,6 +202,23 @@ def _said(
         said = f"{event.uncertain_share:.0%} of its samples are of uncertain quality"
         reason = "; ".join(filter(None, [reason, said]))
     return verdict, reason
+
+
+def as_worked_with(loop: Loop, event: ClosedEvent) -> tuple[ClosedEvent, str]:
+    """Return a set-point step as the ramp that the controller's block makes of it, and how in words; else as it is."""
+    settings = settings_of(loop)
+    if event.kind != SETPOINT_STEP or settings is None or event.thinned:
+        return event, ""
+    working = working_setpoint(event.window, settings, event.amplitude)
+    if working is None:
+        return event, ""
+    window = replace(event.window, sp=working.sp)
+    after = slice(window.before, None)
+    error = np.abs(working.sp - window.pv)[after]
+    noise = MEAN_ABS_SD * event.noise * event.duration
+    iae = float(np.trapezoid(error, window.time[after]))
+    said = f"the block ramps its set point by {working.rate:.3g} [PV/s], or filters it: OP answers no step"
+    return replace(event, kind=SETPOINT_RAMP, window=window, iae=iae, iae_noise=min(noise, iae)), said
 
 
 def ramp_in_words(event: ClosedEvent) -> str:

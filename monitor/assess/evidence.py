@@ -8,9 +8,9 @@ import numpy as np
 
 from monitor.contract.loops import Loop, offset_intended
 from monitor.detect.event import INTERRUPTED, LOAD_STEP, SETPOINT_RAMP, SETPOINT_STEP, SETTLED, ClosedEvent
+from monitor.identify.correlation import correlation_time
 from monitor.identify.fit import Fit
 from monitor.identify.integrals import setpoint_integrals
-from monitor.identify.uncertainty import correlation_time
 from tuners.models import INTEGRATING, SELF_REGULATING
 
 from .index import beats_dead_time

@@ -92,7 +92,12 @@ def count_gaps(s, time, dt, gap, back):
 def other_units(s, sp, pv):
     """Whether SP and PV jump together, as no process does: other units, or another tag. The error stays small."""
     step = sp - s.last.sp
-    return abs(step) > 10.0 * np.sqrt(s.noise.now.var_e) and abs(pv - s.last.pv - step) <= 0.1 * abs(step)
+    known = s.noise.n >= WARM_UP_SAMPLES
+    return (
+        known
+        and abs(step) > 10.0 * np.sqrt(s.noise.now.var_e)
+        and abs(pv - s.last.pv - step) <= 0.1 * abs(step)
+    )
 
 
 @jit

@@ -72,8 +72,6 @@ which that is asked: a load that wanders is as calm at times."""
 UNRESTED_SD = 3.0
 """White standard deviations, by PV's second differences, that a set-point step's noise may have at most where the
 loop was not at rest: the rest is the upset."""
-MEAN_ABS_SD = 0.8
-"""Mean size of white noise in its standard deviations."""
 ROUNDING_SHARE = 2e-7
 """A set point's relative change that is nothing but a float of 32 bits."""
 STEP_STANDS_OUT_SD = 3.0

@@ -27,6 +27,8 @@ CAUSES = (
 BY_STEP, BY_GAP, BY_MODE, BY_END, BY_SETTINGS, BY_MOVING = range(1, 7)
 
 
+MEAN_ABS_SD = 0.8
+"""Mean size of white noise in its standard deviations."""
 THINNED_PERIODS = 1.5
 """Sample periods from one point of a window to the next, in the median, from which samples have been left out."""
 

@@ -13,14 +13,13 @@ from .baseline import quiet_sd, restart_settling, white_sd
 from .constants import (
     COARSE_SAMPLES,
     LEAST_BEFORE_SAMPLES,
-    MEAN_ABS_SD,
     RING_SAMPLES,
     UNRESTED_BEFORE_SAMPLES,
     UNRESTED_SD,
     WARM_UP_SAMPLES,
     WINDOW_POINTS,
 )
-from .event import LOAD_STEP, SETPOINT_STEP
+from .event import LOAD_STEP, MEAN_ABS_SD, SETPOINT_STEP
 from .state import CANDIDATE, CLOSED, EVENT, OPENED
 
 

@@ -21,6 +21,7 @@ from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
 from tuners.models import INTEGRATING, SELF_REGULATING
 
+from .correlation import correlation_time
 from .fit import ALIKE_DEAD_TIMES, DECIDES_LN, SIMPLER_LN, Fit, Load, Valley, better_by
 from .other_loads import leaves_more, with_other_load
 from .projection import P_DEAD_TIME, P_LAG, P_ONSET, P_SHARE, P_WIDTH, evaluate, slopes
@@ -32,7 +33,6 @@ from .uncertainty import (
     SECOND_LAG_SHARE,
     across_valley,
     beyond_noise,
-    correlation_time,
     covariance_by_tangents,
     covariance_of_lost_samples,
     half_rule,
@@ -124,7 +124,8 @@ def fit_window(
     model = (best.gain, float(p[P_LAG]), float(p[P_DEAD_TIME]), float(p[P_LAG] * p[P_SHARE]))
     fit = with_uncertainty(process, model, window.time, w.pv, found.residual, best.scatter, period)
     fit = replace(fit, log_likelihood=found.log_likelihood, n_eff=found.n_eff, valley=best.valley)
-    fit = replace(fit, leaves_more=found.leaves_more, start=best.load if w.points.shape == START else 0.0)
+    started = w.points.shape == START and found.other is None
+    fit = replace(fit, leaves_more=found.leaves_more, start=best.load if started else 0.0)
     if found.other is not None:
         floor = fit.floor * OTHER_LOAD_FLOOR_RATIOS
         floor[0] += OTHER_LOAD_LN_GAIN_SD**2 if process == SELF_REGULATING else 0.0
@@ -190,8 +191,7 @@ def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None, other_loads: bo
     best, single = search(w.blocks, two_lags)
     mine = best if two_lags else single
     more = leaves_more(w, mine)
-    looked_for = more and other_loads and w.points.shape != START
-    other = with_other_load(w, mine, EVERY if two_lags else SINGLE) if looked_for else None
+    other = with_other_load(w, mine, EVERY if two_lags else SINGLE) if more and other_loads else None
     if other is not None:
         w, best = other.window, other.p
         single = best

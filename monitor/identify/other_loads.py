@@ -13,10 +13,11 @@ import numpy as np
 
 from monitor.contract.samples import Array
 
+from .correlation import correlation_time
 from .projection import P_DEAD_TIME, P_LAG, P_ONSET, P_SHARE, P_WIDTH, Columns, evaluate, project
 from .response import LAG, RAMP
 from .search import best_of_grid, descend
-from .uncertainty import correlation_time, half_rule
+from .uncertainty import half_rule
 from .window import SearchWindow
 
 NOISE_RATIO = 1.5

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from monitor.contract.samples import Array
 
+from .correlation import correlation_time
 from .fit import DIRECT, Z95, Fit
 from .projection import (
     MOST_SHARE,
@@ -23,9 +23,7 @@ from .projection import (
     unit_responses,
 )
 from .response import LAG, START, STEP
-
-if TYPE_CHECKING:
-    from .window import SearchWindow
+from .window import SearchWindow
 
 LN_GAIN_FLOOR_SD = 0.01
 """One sigma of model mismatch in ln gain: a half-rule model of a fourth-order plant is 1 % off without noise."""
@@ -252,21 +250,3 @@ def tangent_scatter(
     information = jacobian.T @ jacobian / max(power * correlation_time(residual) + beyond * n, 1e-300)
     information += np.diag(prior)
     return np.asarray(np.linalg.pinv(information)[:3, :3], dtype=np.float64)
-
-
-def correlation_time(residual: Array) -> float:
-    """How many residuals carry the information of one (1 for white noise): 1 + 2 sum of autocorrelations.
-
-    Summed until they first fall below 0.05 (initial positive sequence, after Geyer 1992).
-    """
-    n = len(residual)
-    power = float(residual @ residual)
-    if power == 0.0:
-        return 1.0
-    total = 1.0
-    for lag in range(1, n // 3):
-        r = float(residual[lag:] @ residual[:-lag]) / power
-        if r < 0.05:
-            break
-        total += 2.0 * r
-    return min(total, n / 8)

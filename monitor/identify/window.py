@@ -12,6 +12,7 @@ from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
 from tuners.models import INTEGRATING
 
+from .correlation import correlation_time
 from .projection import (
     MOST_POINTS,
     MOST_SHARE,
@@ -25,7 +26,6 @@ from .projection import (
     project,
 )
 from .response import START, STEP
-from .uncertainty import correlation_time
 
 QUIET_SIGMAS = 3.0
 """Standard deviations by which the residuals' variance may exceed that of the noise before the event by chance."""

@@ -58,7 +58,8 @@ def test_a_set_point_that_never_rests_is_handed_out_in_parts():
     """A cascade slave's set point, moving at every sample: no step, but windows of it, ever fewer."""
     rng = np.random.default_rng(0)
     sp = 50 + np.cumsum(rng.normal(0, 0.1, 30_000))
-    detector, found = detected(Samples.of(0, times(30_000), sp, sp + rng.normal(0, 0.01, 30_000), 50.0))
+    pv, op = pi_loop(sp, noise=0.02)
+    detector, found = detected(Samples.of(0, times(30_000), sp, pv, op))
     assert events_of(found) == loads_of(found) == []
     ways = ramps_of(found)
     assert [way.cause for way in ways] == [CAUSES[BY_MOVING]] * len(ways)

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from monitor.detect.event import EventWindow
+from monitor.identify.correlation import correlation_time
 from monitor.identify.direct import fit_window
 from monitor.identify.fit import Fit
-from monitor.identify.uncertainty import beyond_noise, correlation_time, tangent_scatter
+from monitor.identify.uncertainty import beyond_noise, tangent_scatter
 from sim_plants.controllers import Controller
 from sim_plants.plants import Plant
 from sim_plants.settings import simc

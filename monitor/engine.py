@@ -7,6 +7,7 @@ batched: detection works sample by sample, and a loop's assessment rests on that
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,11 +20,12 @@ from monitor.contract.records import SETPOINT, Assessment, Event, LoopRow, Plan,
 from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector, Found
 from monitor.detect.event import BY_GAP, BY_SETTINGS, LOAD_STEP, ClosedEvent, Stretch
-from monitor.detect.state import COUNTS
+from monitor.detect.state import COUNTS, FATES
 from monitor.health.loop_health import figures
 from monitor.identify.direct import model_response
 from monitor.verdict.history import LoopHistory
 from monitor.verdict.in_force import InForce
+from monitor.verdict.moves import moves_in_words
 from monitor.verdict.parts import Tuning
 from monitor.verdict.row import loop_row, says_new, worst_first
 from monitor.verdict.stale import LastSample, LastSamples
@@ -213,14 +215,17 @@ class Engine:
 
     def row(self, row: int) -> LoopRow:
         """Return a loop's current row: its verdict, and its health so far."""
-        return self._row(row, self.detector.health[row], float(self.detector.state["clock"]["period"][row]))
+        state = self.detector.state[row]
+        moves = moves_in_words({name: int(state["moves"][name]) for name in FATES})
+        return self._row(row, self.detector.health[row], float(state["clock"]["period"]), moves)
 
-    def _row(self, row: int, health: np.void, period: float) -> LoopRow:
-        """Return a loop's row with its health and sample period [s] of some moment."""
+    def _row(self, row: int, health: np.void, period: float, moves: str = "") -> LoopRow:
+        """Return a loop's row with its health, sample period [s] and set-point moves of some moment."""
         history = self._histories.get(row)
         tuning = Tuning() if history is None else history.tuning
         seen = figures(health, period, tuning.model.get("dead_time"))
-        return loop_row(InForce(self.loops[row]) if history is None else history.in_force, tuning, seen)
+        in_force = InForce(self.loops[row]) if history is None else history.in_force
+        return loop_row(in_force, replace(tuning, moves=moves), seen)
 
     def rows(self) -> list[LoopRow]:
         """Return one row for each loop, worst first: by verdict, then by index, then by name."""

@@ -94,6 +94,8 @@ class LoopRow(msgspec.Struct, frozen=True, kw_only=True):
     reason: str = ""
     action: str = ""
     events: int = 0
+    setpoint_moves: str = ""
+    """Moves of the set point, and what became of them, in words; empty where it never moved."""
     ci_setpoint: float | None = None
     ci_load: float | None = None
     ms: float | None = None

@@ -56,6 +56,8 @@ class Tuning:
     model: Figures = field(default_factory=dict)
     """Gain, times and their intervals, of all usable events; empty where they do not agree."""
     suggested: Suggested | None = None
+    moves: str = ""
+    """What became of the set point's moves, in words."""
     contradiction: str = ""
     """In what the data contradict the settings of the table, or any linear controller; empty where they do not."""
 

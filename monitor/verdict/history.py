@@ -13,6 +13,7 @@ from monitor.advise.candidates import rule_mismatch
 from monitor.advise.evidence import Evidence
 from monitor.advise.suggestion import Advice, Withheld, advise, renewed
 from monitor.assess.event import Finding, model_fields
+from monitor.assess.predicted import NO_INDICES, predicted_indices
 from monitor.assess.reference import model_of, settings_of
 from monitor.assess.tuning import current_sensitivity, judge
 from monitor.contract.loops import Loop
@@ -246,7 +247,14 @@ def _of_model(history: LoopHistory, tuning: Tuning, joint: Fit) -> Tuning:
     ms = usable[0].record.ms if alone else current_sensitivity(loop, model, period)
     if history.in_force.contradiction:
         ms = None
-    verdict, reason = judge(loop, model, (tuning.ci_setpoint, tuning.ci_load), ms, 0.0)
+    ci = tuning.ci_setpoint, tuning.ci_load
+    today = [f for f in usable if f.record.start >= history.retuned]
+    speaks = any(f.at_limit for f in today) or any(value is not None for value in ci)
+    predicted = predicted_indices(loop, model, ms, period) if speaks else NO_INDICES
+    damped = [f.damped for f in today if f.damped is not None]
+    verdict, reason = judge(loop, model, ci, ms, 0.0, predicted, all(damped) if damped else None)
+    if verdict == INCONCLUSIVE and not any(value is not None for value in (*ci, *predicted)):
+        reason = usable[-1].record.reason or reason
     if alone and verdict == usable[0].record.verdict:
         reason = usable[0].record.reason  # it knows the overshoot and how the event ended
     tuning = replace(tuning, ms=ms, verdict=verdict)

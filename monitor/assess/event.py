@@ -31,10 +31,10 @@ from .evidence import (
     op_moved,
 )
 from .index import index, overshoot
-from .predicted import NO_INDICES, Indices, predicted_indices
+from .predicted import NO_INDICES, Indices
 from .process import model_of_event, rivals
 from .reference import model_of
-from .tuning import current_sensitivity, judge
+from .tuning import current_sensitivity, indices_to_come, judge
 
 SURE_RATIO = 1.5
 """Of ``ci_min`` in a predicted index, up to which the model's error is looked at: a later event may bring it below."""
@@ -61,6 +61,8 @@ class Finding:
     """OP was at its limit for so long that there is no index."""
     damped: bool | None = None
     """Whether the response shows that it is well damped; None where it shows nothing of it."""
+    predicted: Indices = NO_INDICES
+    """Of its own model, where its verdict hangs on them."""
     rivals: tuple[Fit, ...] = ()
     """Models of the other kind of process that the event does not exclude; looked for where settings may follow."""
     misfit: ModelError | None = None
@@ -121,15 +123,9 @@ def assess_event(
     doubts = [*against, contradiction] if contradiction else against
     figures = Figures(ci, ms, _predicted(loop, event, model, ci, ms), is_damped(event))
     verdict, reason = _said(loop, event, model, figures, doubts)
-    if (
-        ci is None
-        and not limited
-        and not doubts
-        and not load
-        and trusted is not None
-        and trusted.other is not None
-    ):
-        verdict, reason = (verdict, reason) if verdict != INCONCLUSIVE else (INCONCLUSIVE, LOAD_BESIDE)
+    beside = trusted is not None and trusted.other is not None and not load
+    if verdict == INCONCLUSIVE and ci is None and beside and not (limited or doubts):
+        reason = LOAD_BESIDE
     said = verdict, "; ".join(filter(None, [shown.contradiction, reason]))
     finding = Finding(
         _record(loop, event, (fit, trusted), figures, said),
@@ -141,6 +137,7 @@ def assess_event(
         period=event.period,
         at_limit=bool(limited),
         damped=figures.damped,
+        predicted=figures.predicted,
     )
     thorough = thorough or verdict != GOOD or not figures.far_above(loop.ci_min)
     if fit is None or not (finding.usable or finding.wide) or not thorough:
@@ -155,7 +152,12 @@ def _predicted(
     """Return the indices predicted: of an event that has shown its own index, or would have but for OP's limits."""
     if model is None or (ci is None and not at_limit(event)):
         return NO_INDICES
-    return predicted_indices(loop, model, ms, event.period)
+    return indices_to_come(loop, model, _pair(event, ci), ms, event.period)
+
+
+def _pair(event: ClosedEvent, ci: float | None) -> Indices:
+    """Return an event's index as CI_sp and CI_ld."""
+    return (None, ci) if event.kind == LOAD_STEP else (ci, None)
 
 
 def _record(
@@ -209,9 +211,8 @@ def _said(
     if against or model is None:
         verdict, reason = INCONCLUSIVE, "; ".join(against)
     else:
-        load = event.kind == LOAD_STEP
-        over = 0.0 if load else overshoot(event)
-        seen = (None, ci) if load else (ci, None)
+        over = 0.0 if event.kind == LOAD_STEP else overshoot(event)
+        seen = _pair(event, ci)
         verdict, reason = judge(loop, model, seen, figures.ms, over, figures.predicted, figures.damped)
         reason = "; ".join(filter(None, [reason, how_it_ended(event)]))
         if limited and verdict == INCONCLUSIVE and figures.predicted == NO_INDICES:

@@ -11,7 +11,7 @@ from tuners.models import IntegratingModel, Model
 from tuners.robustness import peak_sensitivity
 from tuners.settings import NotRepresentableError
 
-from .predicted import NO_INDICES, Indices
+from .predicted import NO_INDICES, Indices, predicted_indices
 from .reference import settings_of, with_hold_delay
 
 MS_MARGIN_RATIO = 1.25
@@ -62,6 +62,24 @@ def integral_too_strong(loop: Loop, model: Model) -> str:
     )
 
 
+def indices_to_come(loop: Loop, model: Model, ci: Indices, ms: float | None, period: float) -> Indices:
+    """Predict CI_sp and CI_ld where a verdict hangs on them: an index is missing, and nothing speaks for a retune yet.
+
+    Parameters are those of `judge`; ``period``: of the samples [s].
+    """
+    wanted = wanted_indices(loop)
+    slow = any((value := ci[k]) is not None and value < loop.ci_min for k in wanted)
+    nervous = ms is None or ms > MS_MARGIN_RATIO * loop.ms_max
+    if slow or nervous or loop.objective == "averaging" or all(ci[k] is not None for k in wanted):
+        return NO_INDICES
+    return predicted_indices(loop, model, ms, period)
+
+
+def wanted_indices(loop: Loop) -> list[int]:
+    """Return which of CI_sp (0) and CI_ld (1) a loop's objective asks for."""
+    return [k for k, other in enumerate((LOAD, SETPOINT)) if loop.objective != other]
+
+
 def judge(
     loop: Loop,
     model: Model,
@@ -93,7 +111,7 @@ def judge(
         said = "unstable on the model" if math.isinf(ms) else f"Ms = {ms:.2f}"
         reasons.append(f"too close to instability: {said} ({MS_MARGIN_RATIO * loop.ms_max:.3g} at most)")
     shape = f", overshoot {over:.0%}" if over > 0.1 else ""
-    wanted = [k for k, other in enumerate((LOAD, SETPOINT)) if loop.objective != other]
+    wanted = wanted_indices(loop)
     reasons += [
         f"{_SLOW[k]}: {_INDEX[k]} = {value:.2f} ({loop.ci_min:.2g} at least{shape})"
         for k in wanted

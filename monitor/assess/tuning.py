@@ -26,8 +26,7 @@ _WOULD = ("would follow a set point slowly", "would recover from a load slowly")
 _UNSEEN = ("how it follows a set point was not seen", "how it recovers from a load was not seen")
 """What is said of following a set point, and of recovering from a load."""
 _NOT_ROBUST = (
-    "its robustness is not known: neither the table nor the data give its settings, and the response does not show "
-    "its damping"
+    "its robustness is not known: no settings are that explain OP, and the response does not show its damping"
 )
 
 

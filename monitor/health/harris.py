@@ -114,6 +114,7 @@ def _levinson(acf: Any) -> tuple[Any, float]:
     for k in range(MODEL_ORDER):
         reflection = (acf[k + 1] - a[:k] @ acf[k:0:-1]) / left
         if abs(reflection) >= 1.0:
+            left = left if k else 0.0  # an error that is all trend can be foretold
             break
         a[:k] -= reflection * a[:k][::-1].copy()
         a[k] = reflection

@@ -29,9 +29,11 @@ from monitor.identify.tail import is_tail
 from monitor.identify.working_setpoint import working_setpoint
 from tuners.models import Model
 
+from .damping import is_damped
 from .evidence import (
     MANY_UNCERTAIN_SHARE,
     WIDE_GAIN,
+    at_limit,
     by_integrals,
     coverage,
     evidence_against,
@@ -41,12 +43,15 @@ from .evidence import (
     op_moved,
 )
 from .index import index, overshoot
+from .predicted import NO_INDICES, Indices
 from .process import model_of_event, rivals
 from .reference import model_of, settings_of
-from .tuning import current_sensitivity, judge
+from .tuning import current_sensitivity, indices_to_come, judge
 
 TAIL_PERIODS = 4000.0
 """Sample periods since a loop began, up to which what looks like a load is held against the tail of what was before."""
+SURE_RATIO = 1.5
+"""Of ``ci_min`` in a predicted index, up to which the model's error is looked at: a later event may bring it below."""
 LOAD_BESIDE = "no index: a load came beside the set-point step, and the error is that one's, too"
 
 
@@ -62,18 +67,24 @@ class Finding:
     """Nothing but a wide interval speaks against it: beside others that are usable it is, too."""
     is_event: bool
     """False for a suspected load step that no step explains: a disturbance of another shape."""
-    is_tail: bool
-    """Nothing happened: a suspected load that began before the data, a gap or automatic did."""
     noise: float
     """Standard deviation of PV's noise before the event [PV]."""
     period: float
     """[s]"""
+    at_limit: bool = False
+    """OP was at its limit for so long that there is no index."""
+    damped: bool | None = None
+    """Whether the response shows that it is well damped; None where it shows nothing of it."""
+    predicted: Indices = NO_INDICES
+    """Of its own model, where its verdict hangs on them."""
     rivals: tuple[Fit, ...] = ()
     """Models of the other kind of process that the event does not exclude; looked for where settings may follow."""
     misfit: ModelError | None = None
     """The error of the model that the event shows, likewise."""
     error: float = 0.0
     """Integrated absolute error, the noise's share taken off [PV s]."""
+    is_tail: bool = False
+    """Nothing happened: a suspected load that began before the data, a gap or automatic did."""
     stepped: bool = True
     """Set point or load stepped: the reference's error is known for any model."""
 
@@ -83,6 +94,22 @@ class Finding:
         if self.fit is None:
             return 0.0
         return self.fit.sigma / math.sqrt(max(1.0 - self.fit.quality, 1e-12))
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What a verdict on one event rests on."""
+
+    ci: float | None
+    """Measured."""
+    ms: float | None
+    predicted: Indices
+    """CI_sp and CI_ld by the settings of today on the event's model, where the event lets them speak."""
+    damped: bool | None
+
+    def far_above(self, least: float) -> bool:
+        """Whether all indices predicted lie so far above ``least`` that another event's model leaves them there."""
+        return all(ci is None or ci > SURE_RATIO * least for ci in self.predicted)
 
 
 def assess_event(
@@ -114,18 +141,21 @@ def assess_event(
     against = evidence_against(loop, event, fit, decided)
     # figures of a model that does not explain the event would only mislead
     trusted = fit if fit is not None and decided and is_explained(fit, event) else None
-    ci = None if trusted is None else index(loop, event, trusted)
+    limited = at_limit(event)
+    ci = None if trusted is None or limited else index(loop, event, trusted)
     model = None if trusted is None else model_of(trusted)
     ms = None if contradiction else current_sensitivity(loop, model, event.period)
     doubts = [*against, contradiction] if contradiction else against
-    verdict, reason = _said(loop, event, model, (ci, ms), doubts)
+    figures = Figures(ci, ms, _predicted(loop, event, model, ci, ms), is_damped(event))
+    verdict, reason = _said(loop, event, model, figures, doubts)
     if event.kind == SETPOINT_RAMP:
         reason = "; ".join(filter(None, [ramped or ramp_in_words(event), reason]))
-    if ci is None and not doubts and not load and trusted is not None and trusted.other is not None:
-        verdict, reason = (verdict, reason) if verdict != INCONCLUSIVE else (INCONCLUSIVE, LOAD_BESIDE)
+    beside = trusted is not None and trusted.other is not None and not load
+    if verdict == INCONCLUSIVE and ci is None and beside and not (limited or doubts):
+        reason = LOAD_BESIDE
     said = verdict, "; ".join(filter(None, [shown.contradiction, reason]))
     finding = Finding(
-        _record(loop, event, (fit, trusted), (ci, ms), said),
+        _record(loop, event, (fit, trusted), figures, said),
         fit,
         usable=fit is not None and not against,
         wide=fit is not None and len(against) == 1 and against[0].startswith(WIDE_GAIN),
@@ -136,22 +166,40 @@ def assess_event(
         period=event.period,
         error=event.iae - event.iae_noise,
         stepped=event.kind != SETPOINT_RAMP,
+        at_limit=bool(limited),
+        damped=figures.damped,
+        predicted=figures.predicted,
     )
-    if fit is None or not (finding.usable or finding.wide) or not (thorough or verdict != GOOD):
+    thorough = thorough or verdict != GOOD or not figures.far_above(loop.ci_min)
+    if fit is None or not (finding.usable or finding.wide) or not thorough:
         return finding
     misfit = model_error(event.window, fit, event.noise)
     return replace(finding, rivals=rivals(event, shown), misfit=misfit)
+
+
+def _predicted(
+    loop: Loop, event: ClosedEvent, model: Model | None, ci: float | None, ms: float | None
+) -> Indices:
+    """Return the indices predicted: of an event that has shown its own index, or would have but for OP's limits."""
+    if model is None or (ci is None and not at_limit(event)):
+        return NO_INDICES
+    return indices_to_come(loop, model, _pair(event, ci), ms, event.period)
+
+
+def _pair(event: ClosedEvent, ci: float | None) -> Indices:
+    """Return an event's index as CI_sp and CI_ld."""
+    return (None, ci) if event.kind == LOAD_STEP else (ci, None)
 
 
 def _record(
     loop: Loop,
     event: ClosedEvent,
     fits: tuple[Fit | None, Fit | None],
-    figures: tuple[float | None, float | None],
+    figures: Figures,
     said: tuple[str, str],
 ) -> Assessment:
-    """Put a record together: ``fits`` are the model found and the one that is trusted, ``figures`` CI and Ms."""
-    (fit, trusted), (ci, ms), (verdict, reason) = fits, figures, said
+    """Put a record together: ``fits`` are the model found and the one that is trusted."""
+    (fit, trusted), (verdict, reason) = fits, said
     gain_integrals, t0_integrals = by_integrals(event, fit)
     onset, amplitude = event.onset, event.amplitude
     load = event.kind == LOAD_STEP
@@ -168,14 +216,14 @@ def _record(
         state=event.state,
         amplitude=amplitude,
         iae=event.iae,
-        ci=ci,
+        ci=figures.ci,
         process=UNDECIDED if trusted is None else trusted.process,
         method=None if fit is None else fit.method,
         fit=None if fit is None else fit.quality,
         coverage=coverage(event),
         verdict=verdict,
         reason=reason,
-        ms=ms,
+        ms=figures.ms,
         gain_integrals=gain_integrals,
         t0_integrals=t0_integrals,
         **({} if fit is None else model_fields(fit)),
@@ -186,18 +234,22 @@ def _said(
     loop: Loop,
     event: ClosedEvent,
     model: Model | None,
-    figures: tuple[float | None, float | None],
+    figures: Figures,
     against: list[str],
 ) -> tuple[str, str]:
-    """Verdict and reason; ``figures`` are CI and Ms, ``against`` is what speaks against the evidence."""
-    ci, ms = figures
+    """Verdict and reason; ``against`` is what speaks against the evidence."""
+    ci, limited = figures.ci, at_limit(event)
     if against or model is None:
         verdict, reason = INCONCLUSIVE, "; ".join(against)
     else:
-        load = event.kind == LOAD_STEP
-        over = 0.0 if load else overshoot(event)
-        verdict, reason = judge(loop, model, (None, ci) if load else (ci, None), ms, over)
+        over = 0.0 if event.kind == LOAD_STEP else overshoot(event)
+        seen = _pair(event, ci)
+        verdict, reason = judge(loop, model, seen, figures.ms, over, figures.predicted, figures.damped)
         reason = "; ".join(filter(None, [reason, how_it_ended(event)]))
+        if limited and verdict == INCONCLUSIVE and figures.predicted == NO_INDICES:
+            reason = f"{limited}, and none is predicted: its settings are not known"
+    if limited and limited not in reason:
+        reason = "; ".join(filter(None, [reason, limited]))
     if event.uncertain_share > MANY_UNCERTAIN_SHARE:
         said = f"{event.uncertain_share:.0%} of its samples are of uncertain quality"
         reason = "; ".join(filter(None, [reason, said]))

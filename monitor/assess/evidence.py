@@ -13,12 +13,19 @@ from monitor.identify.fit import Fit
 from monitor.identify.integrals import setpoint_integrals
 from tuners.models import INTEGRATING, SELF_REGULATING
 
+from .damping import SWING_FLOOR_SD
 from .index import beats_dead_time
 
 LEAST_EVENT_COVERAGE = 0.8
 """Share of an event's time that must be covered by good samples."""
 MOST_SATURATED_SHARE = 0.1
-"""Share of an event's time that OP may spend at a limit before its response is not used."""
+"""Share of an event's time that OP may spend at a limit before its error is no measure of the tuning. The model stays:
+the process saw OP as it was recorded."""
+MOST_SATURATED_LOAD_SHARE = 0.3
+"""The same for a load step, from which on the model is not used either: while OP rests, a load's size and the process's
+gain are one number."""
+WOUND_UP_SHARE = 0.1
+"""Of the time at a limit that OP may stay there although the error asks it away: noise and a sample or two."""
 LEAST_FIT = 0.95
 """Share of PV's variance that a model must explain before anything rests on it: 3 % of noise costs about 1 %,
 a load step in the middle of the window 10 % and more, and with it the gain is wrong by a factor."""
@@ -136,15 +143,54 @@ def evidence_against(loop: Loop, event: ClosedEvent, fit: Fit | None, decided: b
     return reasons + _against_fit(loop, event, fit, decided)
 
 
+def at_limit(event: ClosedEvent) -> str:
+    """Say why an event with OP at a limit gives no index; empty where it does.
+
+    The error is the limit's then, not the tuning's. What the process did with the OP that it got is as true as ever.
+    """
+    limited = saturated_share(event)
+    return (
+        f"OP was at its limit for {limited:.0%} of the event: no index"
+        if limited > MOST_SATURATED_SHARE
+        else ""
+    )
+
+
+def saturated_share(event: ClosedEvent) -> float:
+    """Share of an event's time that OP spent at a limit."""
+    return event.saturated_time / event.duration if event.duration > 0 else 0.0
+
+
+def wound_up(loop: Loop, event: ClosedEvent) -> float:
+    """Return how long OP stood at a limit though PV was clearly beyond the set point, so that the error asked it away.
+
+    An integral that stands still at the limit lets OP leave it before PV arrives; one that goes on has to be unwound
+    first, and that is no matter of a linear model [s].
+    """
+    if loop.kp is None:
+        return 0.0  # which way the error asks is not known
+    w, clear = event.window, SWING_FLOOR_SD * event.error_sd
+    wants = math.copysign(1.0, loop.kp) * (w.sp - w.pv)[w.before : -1]
+    op, held = w.op[w.before : -1], np.diff(w.time[w.before :])
+    low = -math.inf if loop.op_low is None else loop.op_low
+    high = math.inf if loop.op_high is None else loop.op_high
+    against = ((op >= high) & (wants < -clear)) | ((op <= low) & (wants > clear))
+    return float(np.sum(held[against]))
+
+
 def _against_samples(loop: Loop, event: ClosedEvent) -> list[str]:
     """Say what is wrong with the event as it was measured."""
     reasons = []
     covered = coverage(event)
     if covered < LEAST_EVENT_COVERAGE:
         reasons.append(f"only {covered:.0%} of the event is covered by good samples (at least 80 % needed)")
-    limited = event.saturated_time / event.duration if event.duration > 0 else 0.0
-    if limited > MOST_SATURATED_SHARE:
-        reasons.append(f"OP was at its limit for {limited:.0%} of the event (10 % allowed)")
+    if event.kind == LOAD_STEP and saturated_share(event) > MOST_SATURATED_LOAD_SHARE:
+        reasons.append(f"{at_limit(event)}, and nothing tells the load from the process meanwhile")
+    elif at_limit(event) and (wound := wound_up(loop, event)) > WOUND_UP_SHARE * event.saturated_time:
+        reasons.append(
+            f"{at_limit(event)}; it stayed there for {wound:.3g} s after PV had passed the set point: the integral "
+            "action winds up"
+        )
     size = abs(event.amplitude)
     lasted = (event.iae - event.iae_noise) / size if size > 0.0 else 0.0
     if event.kind != SETPOINT_RAMP and lasted < LEAST_RESPONSE_PERIODS * event.period:

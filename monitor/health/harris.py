@@ -61,21 +61,40 @@ def harris_of(own: Any, delay: int) -> float | None:
     delay
         Dead time in whole samples. The index holds for the loop's own sampling.
     """
+    if own["blocks"] < HARRIS_BLOCKS or not 1 <= delay < COVARIANCE_LAGS:
+        return None
+    cov = covariance_of(own)
+    if cov is None:
+        return None
+    share = float(least_shares(cov, delay)[-1])
+    return min(max(share, 0.0), 1.0) if math.isfinite(share) else None
+
+
+def covariance_of(own: Any) -> Any:
+    """Return the error's autocovariance (COVARIANCE_LAGS,), from lag 0 on [PV^2]; None where the error is constant."""
     n = float(own["blocks"])
-    if n < HARRIS_BLOCKS or not 1 <= delay < COVARIANCE_LAGS:
+    if n == 0.0:
         return None
     mean = float(own["error"]) / (n * BLOCK_LENGTH)
     cov = own["covariance"] / n - mean * mean
-    if not cov[0] > 1e-9 * mean * mean:
-        return None
+    return cov if cov[0] > 1e-9 * mean * mean else None
+
+
+def least_shares(cov: Any, most: int) -> Any:
+    """Return the share of the variance that no controller takes away, for dead times of 1 to ``most`` samples (most,).
+
+    Parameters
+    ----------
+    cov
+        Autocovariance from lag 0 on [PV^2].
+    """
     model, left = _levinson(cov / cov[0])
-    response = np.zeros(delay)
+    response = np.zeros(most)
     response[0] = 1.0
-    for k in range(1, delay):
+    for k in range(1, most):
         m = min(k, MODEL_ORDER)
         response[k] = float(model[:m] @ response[k - m : k][::-1])
-    share = float(left * (response @ response))
-    return min(max(share, 0.0), 1.0) if math.isfinite(share) else None
+    return left * np.cumsum(response * response)
 
 
 def spread_of(own: Any) -> float | None:
@@ -95,6 +114,7 @@ def _levinson(acf: Any) -> tuple[Any, float]:
     for k in range(MODEL_ORDER):
         reflection = (acf[k + 1] - a[:k] @ acf[k:0:-1]) / left
         if abs(reflection) >= 1.0:
+            left = left if k else 0.0  # an error that is all trend can be foretold
             break
         a[:k] -= reflection * a[:k][::-1].copy()
         a[k] = reflection

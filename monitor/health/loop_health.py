@@ -8,6 +8,7 @@ from typing import Any
 
 from . import coverage, harris, measurement, offset, saturation, tag_mapping, travel
 from .oscillation import any_block, strongest, too_fast
+from .regulation import Regulation, regulation_of
 from .stiction import stiction_of
 
 SATURATED_SHARE = 0.1
@@ -81,6 +82,10 @@ class Health:
     """Whether SP and PV jumped by the same factor, as if their unit had changed."""
     undersampled: bool = False
     """Whether the response is over before it is seen."""
+    pv_moving: float | None = None
+    """Share of samples at which PV moved."""
+    regulation: Regulation | None = None
+    """The error in routine operation, where no dead time is known that would give a Harris index."""
 
 
 def figures(health: Any, period: float, dead_time: float | None = None) -> Health:
@@ -105,6 +110,7 @@ def figures(health: Any, period: float, dead_time: float | None = None) -> Healt
         "noise": measurement.noise_of(measured),
         "quantum": measurement.quantum_of(measured),
         "compression": measurement.compression_of(measured),
+        "pv_moving": measurement.moving_of(measured),
         "stuck": measurement.is_stuck(measured, good),
         "idle": measurement.is_idle(measured, good),
     }
@@ -112,6 +118,8 @@ def figures(health: Any, period: float, dead_time: float | None = None) -> Healt
         out |= _of_control(health, auto, period, out)
         out |= _of_cycles(health["autocorrelation"], out)
         spacing = float(health["autocorrelation"]["spacing"])
+        if dead_time is None:
+            out["regulation"] = regulation_of(health["harris"], health["autocorrelation"], out["noise"])
         out["harris"] = _harris(health["harris"], spacing, dead_time, out)
     known: dict[str, Any] = {k: v for k, v in out.items() if not isinstance(v, float) or math.isfinite(v)}
     return Health(**known)

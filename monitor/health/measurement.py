@@ -272,6 +272,11 @@ def quantum_of(own: Any) -> float | None:
     return step if step > FORMAT_SD * usual else None
 
 
+def moving_of(own: Any) -> float | None:
+    """Return the share of samples at which PV was another than before, None before any."""
+    return float(own["changes"]) / float(own["samples"]) if own["samples"] > 0 else None
+
+
 def compression_of(own: Any) -> float | None:
     """Return the share of PV's values that an archive left out or made up, 0 to 1: 1 - 1/ratio of compression.
 

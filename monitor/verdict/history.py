@@ -14,8 +14,9 @@ from monitor.advise.evidence import Evidence
 from monitor.advise.suggestion import Advice, Withheld, advise, renewed
 from monitor.assess.event import Finding, model_fields
 from monitor.assess.evidence import is_wide
+from monitor.assess.predicted import NO_INDICES
 from monitor.assess.reference import model_of, settings_of
-from monitor.assess.tuning import current_sensitivity, judge
+from monitor.assess.tuning import current_sensitivity, indices_to_come, judge
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, LOAD, RETUNE, SETPOINT, UNDECIDED, LoopRow, Plan
 from monitor.detect.event import EventWindow
@@ -267,7 +268,15 @@ def _of_model(history: LoopHistory, tuning: Tuning, joint: Fit) -> Tuning:
     ms = usable[0].record.ms if alone else current_sensitivity(loop, model, period)
     if history.in_force.contradiction:
         ms = None
-    verdict, reason = judge(loop, model, (tuning.ci_setpoint, tuning.ci_load), ms, 0.0)
+    ci = tuning.ci_setpoint, tuning.ci_load
+    today = [f for f in usable if f.record.start >= history.retuned]
+    speaks = any(f.at_limit for f in today) or any(value is not None for value in ci)
+    predicted = indices_to_come(loop, model, ci, ms, period) if speaks and not alone else NO_INDICES
+    predicted = usable[0].predicted if alone else predicted
+    damped = [f.damped for f in today if f.damped is not None]
+    verdict, reason = judge(loop, model, ci, ms, 0.0, predicted, all(damped) if damped else None)
+    if verdict == INCONCLUSIVE and today and today[-1].record.verdict == INCONCLUSIVE:
+        reason = today[-1].record.reason  # it knows what kept its index back
     if alone and verdict == usable[0].record.verdict:
         reason = usable[0].record.reason  # it knows the overshoot and how the event ended
     tuning = replace(tuning, ms=ms, verdict=verdict)

@@ -101,16 +101,16 @@ def _watch(loop: Loop, new: Settings) -> str:
     if today is None:
         return ""
     ti = float(new.ti)
-    time = f" for {_duration(WATCHED_INTEGRAL_TIMES * ti)}" if math.isfinite(ti) else ""
+    time = f" for {duration_said(WATCHED_INTEGRAL_TIMES * ti)}" if math.isfinite(ti) else ""
     return f"watch PV and OP{time} after the next step: if they go on swinging, go back to {_words(today)}"
 
 
-def _duration(seconds: float) -> str:
+def duration_said(seconds: float) -> str:
     """Say a time as one reads it off a clock.
 
     Examples
     --------
-    >>> _duration(45.0), _duration(600.0), _duration(9000.0)
+    >>> duration_said(45.0), duration_said(600.0), duration_said(9000.0)
     ('45 s', '10 min', '2.5 h')
     """
     for unit, size in (("h", 3600.0), ("min", 60.0)):

@@ -26,6 +26,7 @@ from monitor.health.loop_health import Health
 from tuners.models import INTEGRATING, IntegratingModel, SelfRegulatingModel
 
 from .parts import Tuning
+from .routine import LED_SP_SHARE, routine
 
 MANUAL_SHARE = 0.5
 """Share of time in manual from which the loop is not in control."""
@@ -41,8 +42,6 @@ STICKS_INDEX = 0.5
 """Stiction index from which the valve is named."""
 SLAVE_SP_SHARE = 0.5
 """Share of samples at which the set point moves, from which the loop is a cascade's slave or follows a programme."""
-LED_SP_SHARE = 0.1
-"""Share of samples at which the set point moves, from which a cycle of the error may be the set point's own."""
 SAME_PERIOD_RATIO = 2.0
 """Factor between a loop's own period and the one seen, up to which its settings may be the cause."""
 
@@ -84,10 +83,7 @@ def conclude(tuning: Tuning, loop: Loop, health: Health) -> Conclusion:
     reason, action = tuning.reason, tuning.action
     if tuning.verdict == NOT_ASSESSED:
         why = next(((said, b.action) for b, said in held if b.effect == EXPLAINS), None)
-        reason, action = why or (
-            f"the set point made {tuning.moves}" if tuning.moves else "no set-point or load step was seen",
-            "none; a set-point step shows how the loop is tuned",
-        )
+        reason, action = why or routine(loop, health, tuning.moves)
     return Conclusion(tuning.verdict, reason, action, flags, withheld=False)
 
 

@@ -34,7 +34,7 @@ START = 1_767_225_600
 """2026-01-01 [s]."""
 SECOND = 10**9
 NAME = "LIC-101"
-SETTINGS = {"name": NAME, "kp": 14.0, "ti": 60.0}
+SETTINGS = {"name": NAME, "kp": 14.0, "ti": 20.0}
 """Those of the loop that `good` simulates: they suit it."""
 CAUSES = ("ok", "uncertain", "bad_value", "bad_quality", "bad_time", "duplicate", "conflict", "late")
 """What both ways count alike; `ok` includes `uncertain`, `duplicate` includes `conflict`."""
@@ -58,7 +58,7 @@ def simulated(
     sp: Any,
     *,
     kp: float = 14.0,
-    ti: float = 60.0,
+    ti: float = 20.0,
     gain: float = 0.01,
     dead: int = 3,
     noise: float = 0.02,

@@ -42,7 +42,7 @@ def test_loops_that_come_and_go(clean: Outcome, tmp_path: Path) -> None:
     parts = [
         good(N),
         good(N, name="JOINS", seed=1)[250:],
-        good(N, name="VANISHES", seed=2)[:450],
+        good(N, name="VANISHES", seed=2)[:330],
         good(N, name="OLD-NAME", seed=3)[:200],
         good(N, name="NEW-NAME", seed=3)[200:],
     ]

@@ -367,13 +367,15 @@ def test_back_to_automatic(tmp_path: Path, bump: float) -> None:
 
 
 def test_an_output_at_its_limit(tmp_path: Path) -> None:
-    """A tenth of the response at a known limit: told, and no settings from it. Without limits by where OP rests."""
+    """A tenth of the response at a known limit: told, no index, the model stays. Without limits by where OP rests."""
     data = simulated(steps(1200, (300, 30.0)), kp=14.0, high=100.0)
     assert (data["op"] >= 100.0).sum() > 40
     limited = both(data, tmp_path / "known", table=[{**SETTINGS, "op_low": 0.0, "op_high": 100.0}])
     assert limited.row.saturation > 0.03
-    assert limited.event.verdict == INCONCLUSIVE
-    assert limited.row.new_kp is None
+    assert limited.event.ci is None
+    assert "OP was at its limit" in limited.event.reason
+    assert limited.event.gain == pytest.approx(0.01, rel=0.05)
+    assert (limited.row.verdict, limited.row.new_kp) == (GOOD, None)
     unknown = both(data, tmp_path / "unknown")
     assert unknown.row.saturation == pytest.approx(
         limited.row.saturation, abs=0.01
@@ -409,7 +411,7 @@ def test_reverse_and_direct_action(clean: Outcome, tmp_path: Path) -> None:
 
 def test_a_load_step_is_no_set_point_step(tmp_path: Path) -> None:
     """PV moves, SP does not: an event of its own kind with an index of its own, or none; never a set-point event."""
-    load = np.where(np.arange(2000) >= 1000, 6.0, 0.0)
+    load = np.where(np.arange(2000) >= 1000, 12.0, 0.0)
     found = both(simulated(steps(2000), load=load, dead=3), tmp_path)
     assert {e.kind for e in found.events} <= {"load"}
     assert found.row.ci_setpoint is None

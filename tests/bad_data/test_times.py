@@ -460,9 +460,9 @@ def test_every_loop_has_its_own_period(tmp_path: Path) -> None:
     periods = {"fast": 0.1, "usual": 1.0, "slow": 60.0}
     parts, table = [], []
     for name, period in periods.items():
-        part = good(N, name=name, period=period, kp=14.0 / period, ti=60.0 * period)
+        part = good(N, name=name, period=period, kp=14.0 / period, ti=20.0 * period)
         parts.append(later(part, (N - 1) * (60.0 - period)))  # all end together
-        table.append({"name": name, "kp": 14.0 / period, "ti": 60.0 * period})
+        table.append({"name": name, "kp": 14.0 / period, "ti": 20.0 * period})
     data = pd.concat(parts).sort_values("time", kind="stable", ignore_index=True)
     found = both(data, tmp_path, table=table, payloads=("frame",), every=600.0)
     assert [e.state for e in found.events] == ["settled"] * 3

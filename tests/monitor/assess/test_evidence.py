@@ -8,13 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor.assess.evidence import is_explained, op_moved
-from monitor.contract.records import INCONCLUSIVE
+from monitor.assess.event import assess_event
+from monitor.assess.evidence import evidence_against, is_explained, op_moved, wound_up
+from monitor.contract.loops import Loop
+from monitor.contract.records import GOOD, INCONCLUSIVE, RETUNE
+from monitor.contract.samples import Samples
 from monitor.detect.event import LOAD_STEP, SETPOINT_STEP
 from tests.monitor.assess.tools import assessed
 from tests.support.detection import closed_event
 from tests.support.fits import make_fit
 from tests.support.plants import pi_loop, stepped
+
+LOOP = Loop(name="L", kp=2.0, ti=40.0)
 
 
 @pytest.mark.parametrize(
@@ -52,6 +57,67 @@ def test_evidence_that_cannot_carry_a_verdict(change, facts, word):
     assert word in found.reason
     assert seen.suggestions == []
     assert engine.row(0).new_kp is None
+
+
+def clipped(kp: float, ti: float, high: float) -> Samples:
+    """A step of 4 whose OP stands at its limit for most of the rise, where the integral waits."""
+    return stepped(2500, kp=kp, ti=ti, noise=0.01, low=0.0, high=high)
+
+
+@pytest.mark.parametrize(
+    ("kp", "ti", "verdict"), [(2.0, 40.0, GOOD), (4.4, 20.0, RETUNE), (1.2, 400.0, RETUNE)]
+)
+def test_a_limit_takes_the_index_and_leaves_the_model(kp, ti, verdict):
+    """The process saw OP as it was recorded: gain, Ms and the indices predicted of it are as good as ever."""
+    limits = {"op_low": 0.0, "op_high": 50.6}
+    found, engine, _ = assessed(clipped(kp, ti, 50.6), kp=kp, ti=ti, **limits)
+    free, _, _ = assessed(stepped(2500, kp=kp, ti=ti, noise=0.01), kp=kp, ti=ti)
+    assert found.verdict == verdict
+    assert found.ci is None
+    assert "OP was at its limit for" in found.reason
+    assert "no index" in found.reason
+    assert found.gain == pytest.approx(0.05, rel=0.05)
+    assert found.ms == pytest.approx(free.ms, rel=0.15)
+    row = engine.row(0)
+    assert (row.verdict, row.ci_setpoint) == (verdict, None)
+    assert (row.new_kp is not None) == (verdict == RETUNE)
+
+
+def test_a_limit_without_settings_leaves_no_verdict():
+    """Nothing is measured and nothing can be predicted."""
+    event = replace(closed_event(), saturated_time=0.5 * closed_event().duration)
+    found = assess_event(Loop(name="L"), event)
+    assert (found.record.verdict, found.record.ci) == (INCONCLUSIVE, None)
+    assert "none is predicted" in found.record.reason
+    assert found.record.gain is not None
+
+
+def test_an_integral_that_winds_up_is_no_matter_of_the_tuning():
+    """OP stays at its limit for long after PV has passed the set point."""
+    event, loop = closed_event(), Loop(name="L", kp=2.0, ti=40.0, op_low=0.0, op_high=60.0)
+    w = event.window
+    beyond = (w.time > 14.0) & (w.time < 60.0)
+    over = replace(
+        w, pv=np.where(beyond, w.sp + 1.0, w.pv), op=np.where((w.time >= 0.0) & (w.time < 60.0), 60.0, w.op)
+    )
+    wound = replace(event, window=over, saturated_time=60.0, duration=150.0)
+    assert wound_up(loop, wound) == pytest.approx(46.0, abs=2.0)
+    assert wound_up(loop, event) == 0.0
+    assert wound_up(Loop(name="L"), wound) == 0.0
+    found = assess_event(loop, wound)
+    assert (found.record.verdict, found.usable) == (INCONCLUSIVE, False)
+    assert "winds up" in found.record.reason
+    # with the other sign of the gain it asks for the limit
+    assert wound_up(Loop(name="L", kp=-2.0, ti=40.0, op_low=0.0, op_high=60.0), wound) < 25.0
+
+
+def test_a_load_against_a_limit_leaves_no_model():
+    """While OP rests the load's size and the gain are one number."""
+    event = replace(closed_event(), kind=LOAD_STEP)
+    half = replace(event, saturated_time=0.5 * event.duration)
+    assert any("tells the load" in why for why in evidence_against(LOOP, half, make_fit(), True))
+    fifth = replace(event, saturated_time=0.2 * event.duration)
+    assert not any("limit" in why for why in evidence_against(LOOP, fifth, make_fit(), True))
 
 
 @pytest.mark.parametrize(("size", "moved"), [(3.0, True), (15.0, True), (0.01, False), (200.0, False)])

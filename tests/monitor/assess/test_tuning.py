@@ -26,7 +26,7 @@ def ci_pair(ci: float | None) -> Any:
         (0.59, 1.7, RETUNE),
         (1.50, 2.76, RETUNE),
         (1.50, 2.74, GOOD),
-        (0.90, None, GOOD),
+        (0.90, None, INCONCLUSIVE),
         (0.90, math.inf, RETUNE),
         (None, 1.7, INCONCLUSIVE),
         (None, 3.0, RETUNE),
@@ -36,7 +36,7 @@ def test_limits_of_the_verdict(ci, ms, verdict):
     """Flagged below ci_min, or above 1.25 ms_max; without an index nothing is called good."""
     found, reason = judge(Loop(name="L", kp=2.0, ti=40.0), LEVEL, ci_pair(ci), ms, 0.0)
     assert found == verdict
-    assert (reason == "") == (verdict == GOOD and ms is not None)
+    assert (reason == "") == (verdict == GOOD)
 
 
 @pytest.mark.parametrize(
@@ -61,6 +61,60 @@ def test_the_objective_says_which_index_counts(objective, ci, verdict):
     assert (reason == "") == (verdict == GOOD)
     if verdict == RETUNE:
         assert ("CI_ld" in reason) == (objective != "setpoint")
+
+
+@pytest.mark.parametrize(
+    ("objective", "ci", "predicted", "verdict", "words"),
+    [
+        (
+            "both",
+            (0.8, None),
+            (0.8, 0.25),
+            RETUNE,
+            "follows well (CI_sp = 0.80) but would recover from a load slowly",
+        ),
+        (
+            "both",
+            (None, 0.8),
+            (0.3, 0.8),
+            RETUNE,
+            "recovers well from a load (CI_ld = 0.80) but would follow",
+        ),
+        ("both", (0.8, None), (0.3, 0.8), GOOD, ""),
+        ("both", (0.8, 0.8), (0.3, 0.3), GOOD, ""),
+        ("both", (0.3, None), (0.8, 0.2), RETUNE, "slow to follow: CI_sp = 0.30"),
+        ("setpoint", (0.8, None), (0.8, 0.25), GOOD, ""),
+        ("load", (0.8, None), (0.8, 0.25), RETUNE, "would recover from a load slowly: CI_ld = 0.25"),
+        ("load", (0.3, None), (0.3, 0.8), GOOD, "CI_ld = 0.80 predicted: none was measured"),
+        (
+            "both",
+            (None, None),
+            (0.7, 0.2),
+            RETUNE,
+            "would recover from a load slowly: CI_ld = 0.20 predicted",
+        ),
+        ("both", (None, None), (0.7, 0.8), GOOD, "CI_sp = 0.70, CI_ld = 0.80 predicted"),
+    ],
+)
+def test_an_index_that_was_not_measured_is_predicted(objective, ci, predicted, verdict, words):
+    """One kind of step seen: the other counts as the settings have it on the model; what was measured comes first."""
+    loop = Loop(name="L", kp=2.0, ti=40.0, objective=objective)
+    found, reason = judge(loop, LEVEL, ci, 1.7, 0.0, predicted)
+    assert found == verdict
+    assert reason.startswith(words)
+    assert words or not reason
+
+
+@pytest.mark.parametrize(("damped", "verdict"), [(True, GOOD), (None, INCONCLUSIVE), (False, INCONCLUSIVE)])
+def test_good_needs_the_robustness(damped, verdict):
+    """Without settings there is no Ms: a response seen to be well damped will do, and what is missing is said."""
+    found, reason = judge(Loop(name="L"), LEVEL, ci_pair(0.9), None, 0.0, damped=damped)
+    assert found == verdict
+    assert ("its robustness is not known" in reason) == (verdict == INCONCLUSIVE)
+    assert ("how it recovers from a load was not seen" in reason) == (verdict == GOOD)
+    assert judge(Loop(name="L"), LEVEL, ci_pair(0.3), None, 0.0, damped=damped)[0] == RETUNE
+    averaging = Loop(name="L", objective="averaging")
+    assert judge(averaging, LEVEL, ci_pair(0.3), None, 0.0, damped=damped)[0] == verdict
 
 
 def test_limits_are_the_loops_own():

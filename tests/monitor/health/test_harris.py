@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from monitor.health.harris import least_shares
 from tests.monitor.health.tools import health, noise
 
 
@@ -27,3 +28,8 @@ def test_the_index_is_withheld_without_its_conditions():
         assert health(50.0, 50 - e, 30 + e, dead_time=dead_time).harris is None
     assert health(50.0, 50 - e[:500], 30 + e[:500], dead_time=2.0).harris is None
     assert health(50.0, np.round((50 - e) / 10) * 10, 30 + e, dead_time=2.0).harris is None
+
+
+def test_a_trend_can_be_foretold():
+    """Its autocovariance, from blocks, is no positive definite one: the share is nothing, and not everything."""
+    assert least_shares(np.linspace(1.0, 1.2, 30), 5).max() == 0.0

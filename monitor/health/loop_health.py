@@ -126,8 +126,15 @@ def by_exception(health: Health, dead_band: float | None) -> Health:
     """
     if dead_band is None:
         return health
-    rests = {"idle": False, "stuck": False, "harris": None, "noise": None}
-    return replace(health, dead_band=dead_band, quantum=max(health.quantum or 0.0, dead_band), **rests)
+    return replace(
+        health,
+        dead_band=dead_band,
+        quantum=max(health.quantum or 0.0, dead_band),
+        idle=False,
+        stuck=False,
+        harris=None,
+        noise=None,
+    )
 
 
 def _of_control(health: Any, auto: float, period: float, known: dict[str, Any]) -> dict[str, Any]:

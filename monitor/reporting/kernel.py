@@ -1,4 +1,4 @@
-"""A loop's rows one by one: handed on, kept back until it is known how they come, or filled with held ones (compiled)."""
+"""A loop's rows one by one: handed on, kept back until it is known how they come, or filled up (compiled)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from monitor.compiled import jit
 from monitor.contract.samples import QUALITY_GOOD, QUALITY_UNCERTAIN
 
-from .look import is_regular, look, median_step
+from .look import is_regular, look, median_step, steps_of
 from .state import (
     COLLECTING,
     EARLY_LOOKS,
@@ -18,11 +18,11 @@ from .state import (
     LOOK_ROWS,
     MOST_BACKOFF,
     MOST_HELD_ROWS,
+    NEXT_ROWS,
     ODD_ROWS,
     PASSING,
     QUIET_BEATS,
     REGULAR_ROWS,
-    NEXT_ROWS,
     RING_ROWS,
     SAME_BAND_SHARE,
     SAME_SHARE,
@@ -56,18 +56,13 @@ def is_good(s, batch, k):
 @jit
 def goes_on(s, time):
     """Whether a good row of a loop that is passing comes as those before; its interval is counted if so."""
-    if s.rows == 0:
-        return True
     step = time - s.time
-    if s.rows == 1:
-        if step >= SLOW_NS and s.given == 0:
-            return False
+    if s.rows < 2:
         s.usual = step
-        return True
-    if s.usual >= SLOW_NS and step < EARLY_SHARE * s.usual and s.backoff == 1:
-        return False
-    longer, shorter = step > IRREGULAR_RATIO * s.usual, IRREGULAR_RATIO * step < s.usual
-    if s.backoff == 0 and (longer or shorter):
+        return s.rows == 0 or step < SLOW_NS or s.given > 0
+    far = step > IRREGULAR_RATIO * s.usual or IRREGULAR_RATIO * step < s.usual
+    early = s.usual >= SLOW_NS and step < EARLY_SHARE * s.usual
+    if (s.backoff == 0 and far) or (s.backoff == 1 and early):
         return False
     odd = abs(step - s.usual) > SAME_SHARE * s.usual
     if s.looked >= LOOK_ROWS * max(s.backoff, 1):
@@ -108,13 +103,8 @@ def take(state, ring, batch, at, out):
         if n == len(out.time):
             return k, n, -1
         if not is_good(s, batch, k):
-            late = s.rows > 0 and time <= s.time
-            s.late += 1 if late else 0
-            if late and (s.mode == WATCHING or (s.mode == HOLDING and s.late > LATE_ROWS)):
-                pass_on(s)
+            if lets_go(s, time):
                 return k, n, i
-            if not late:
-                s.good = 0
             n = put(batch, k, out, n)
             continue
         if s.mode == PASSING and not goes_on(s, time):
@@ -125,15 +115,36 @@ def take(state, ring, batch, at, out):
                 return k, n, -1
         keep(s, batch, k)
         if s.mode != WATCHING:
-            s.out_time = time
-            n = put(batch, k, out, n)
-            if s.mode == HOLDING:
-                out.pv[n - 1] = show(s, s.pv)
-        if s.mode != PASSING:
-            write(s, rows, batch, k)
-            if decide(s, rows):
-                return k + 1, n, i
+            n = hand_on(s, batch, k, out, n)
+        if s.mode != PASSING and is_known(s, rows, batch.auto[k], batch.quality[k]):
+            return k + 1, n, i
     return len(batch.time), n, -1
+
+
+@jit
+def lets_go(s, time):
+    """Take note of a bad or late row; True where the loop's rows are no more to be held or kept back for it.
+
+    Those that wait must not be older than a late one that is handed on, and a clock may have been set back.
+    """
+    if s.rows == 0 or time > s.time:
+        s.good = 0
+        return False
+    s.late += 1
+    if s.mode == WATCHING or (s.mode == HOLDING and s.late > LATE_ROWS):
+        pass_on(s)
+        return True
+    return False
+
+
+@jit
+def hand_on(s, batch, k, out, n):
+    """Put a good row out, which is the loop's last one; return the number of rows in ``out``."""
+    s.out_time = s.time
+    n = put(batch, k, out, n)
+    if s.mode == HOLDING:
+        out.pv[n - 1] = show(s, s.pv)
+    return n
 
 
 @jit
@@ -145,14 +156,44 @@ def put(batch, k, out, n):
 
 
 @jit
-def write(s, rows, batch, k):
-    """Write a good row, which is the loop's last one, to its ring; of a loop that is holding they are handed on."""
+def is_known(s, rows, auto, quality):
+    """Write the loop's last row to its ring; True where that has changed what is known of the way its rows come."""
     w = rows[s.n]
-    w.time, w.sp, w.pv, w.op = s.time, s.sp, s.pv, s.op
-    w.auto, w.quality = batch.auto[k], batch.quality[k]
+    w.time, w.sp, w.pv, w.op, w.auto, w.quality = s.time, s.sp, s.pv, s.op, auto, quality
     s.n += 1
     if s.mode != WATCHING:
         s.next = s.n
+    if s.mode == WATCHING and s.n == REGULAR_ROWS and all_the_same(rows[: s.n]):
+        s.usual, s.backoff = rows[1].time - rows[0].time, 1
+        pass_on(s)
+        return True
+    if s.n < SEEN_ROWS or s.n % NEXT_ROWS:
+        return False
+    seen = rows[s.n - SEEN_ROWS : s.n]
+    return is_over(s, seen) if s.mode == HOLDING else is_decided(s, rows, seen)
+
+
+@jit
+def is_over(s, seen):
+    """Whether a loop that was holding has gone over to rows at a rate."""
+    if s.n == RING_ROWS:
+        s.n = s.next = 0
+    if not is_regular(seen, s.period):
+        return False
+    s.n = s.next = 0
+    pass_on(s)
+    return True
+
+
+@jit
+def is_decided(s, rows, seen):
+    """Whether it is decided how a loop's rows come: by exception, or, after some looks, not."""
+    if judge(s, rows, seen):
+        return True
+    if s.n < RING_ROWS:
+        return False
+    give_up(s, seen)
+    return True
 
 
 @jit
@@ -163,31 +204,6 @@ def begin_to_look(s, rows, time):
     w = rows[0]
     w.time, w.sp, w.pv, w.op, w.auto, w.quality = s.time, s.sp, s.pv, s.op, s.auto != 0, QUALITY_GOOD
     s.n = s.next = 1
-
-
-@jit
-def decide(s, rows):
-    """Decide how a loop's rows come, once there are enough of them; True where what is known of it has changed."""
-    if s.mode == WATCHING and s.n == REGULAR_ROWS and all_the_same(rows[: s.n]):
-        s.usual, s.backoff = rows[1].time - rows[0].time, 1
-        pass_on(s)
-        return True
-    if s.n < SEEN_ROWS or s.n % NEXT_ROWS:
-        return False
-    seen = rows[s.n - SEEN_ROWS : s.n]
-    if s.mode == HOLDING:
-        if s.n == RING_ROWS:
-            s.n = s.next = 0
-        if is_regular(seen, s.period):
-            pass_on(s)
-            return True
-        return False
-    if judge(s, rows, seen):
-        return True
-    if s.n < RING_ROWS:
-        return False
-    give_up(s, seen)
-    return True
 
 
 @jit
@@ -230,10 +246,7 @@ def pass_on(s):
 def all_the_same(rows):
     """Whether rows come at one interval."""
     first = rows[1].time - rows[0].time
-    for k in range(2, len(rows)):
-        if abs(rows[k].time - rows[k - 1].time - first) > SAME_SHARE * first:
-            return False
-    return True
+    return np.abs(steps_of(rows) - first).max() <= SAME_SHARE * first
 
 
 @jit

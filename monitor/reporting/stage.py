@@ -62,7 +62,7 @@ class Reporting:
         self.state["given"][row] = 0 if loop.period is None else round(loop.period * 1e9)
 
     def forget(self, row: int) -> None:
-        """Make a loop's row as new, for the same loop from another time on or for another one; none of its rows wait."""
+        """Make a loop's row as new, for the same loop at another time or for another one; none of its rows wait."""
         given = self.state["given"][row]
         self.state[row] = np.zeros((), REPORTING)
         self.state["given"][row] = given
@@ -105,7 +105,7 @@ class Reporting:
 
     def _piece(self, n: int) -> Iterator[Samples]:
         if n > 0:
-            yield Samples(*(column[:n] for column in self._room()))
+            yield Samples(**{name: column[:n] for name, column in self._room()._asdict().items()})
 
     # -- what is known ------------------------------------------------------------------------------
 

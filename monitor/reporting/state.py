@@ -25,7 +25,7 @@ LOOK_ROWS, ODD_ROWS = 64, 32
 """Of so many rows of a fast loop so many at other intervals: it is looked at. Lost rows and jitter are fewer."""
 EARLY_LOOKS, MOST_BACKOFF = 3, 256
 """Looks one after the other that may find nothing; later ones double the rows until the next one, up to so many times
-`LOOK_ROWS`. A loop whose rows do come by exception may be quiet for long, and shows its dead band only when it moves."""
+`LOOK_ROWS`. A loop whose rows do come by exception may be quiet for long, and shows its band only when it moves."""
 LATE_ROWS = 20
 """Rows from before the loop's last one, in a row, after which its clock was set back, as detection says."""
 IRREGULAR_RATIO = 3.0
@@ -35,8 +35,9 @@ RATE_SHARE = 1.5
 TIGHT_RATIO, TIGHT_CHANGES = 1.16, 1.2
 """Mean size of PV's changes weighted by their squares over that weighted by their sizes: 1 where all are of one size,
 the dead band, and any number are less. It must be less than the first, less the second over the number of changes. By
-exception it is 1.01 to 1.12; kept by a swinging door 1.2 to 1.5; white noise has 1.27, and of 10 to 60 changes less than
-the limit once in a hundred times (derived; measured on simulated steps, dead bands of 3 and 5 standard deviations)."""
+exception it is 1.01 to 1.12; kept by a swinging door 1.2 to 1.5; white noise has 1.27, and of 10 to 60 changes less
+than the limit once in a hundred times (derived; measured on simulated steps, dead bands of 3 and 5 standard
+deviations)."""
 BEAT_SHARE, BEAT_TIMES = 0.05, 3
 """Relative difference within which so many of the longest intervals, one outlier left out, are the one after which a
 row is sent anyway."""
@@ -45,8 +46,8 @@ LEAST_BEAT_PERIODS = 10.0
 QUIET_BEATS = 1.5
 """Such intervals after which a silence is a gap."""
 SAME_BAND_SHARE = 0.5
-"""Share of the dead band by which PV must differ from what was handed on last to be another: a row that is sent anyway,
-or for the sake of OP, brings a noise that other rows do not have, and no detection could know how much of it to expect."""
+"""Share of the dead band by which PV must differ from what was handed on last to be another. A row that is sent anyway,
+or for the sake of OP, brings a noise that other rows do not have, and detection cannot know how much to expect."""
 MOST_HELD_ROWS = 3600
 """Rows for which a value holds where nothing says how long it may be silent: an hour of seconds."""
 

@@ -139,7 +139,7 @@ def _by_exception(health: Health, _tuning: Tuning, _loop: Loop) -> str:
 def _compressed(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     share = 0.0 if health.dead_band is not None else _of(health.compression)
     return (
-        f"the historian compressed these data ({share:.0%} of the points are reconstructed)"
+        f"the historian compressed these data ({share:.0%} of the points are reconstructed): intervals are wider"
         if share > COMPRESSED_SHARE
         else ""
     )
@@ -288,7 +288,7 @@ TREE = (
     Branch(
         "compressed",
         _compressed,
-        WITHHOLDS,
+        WORDS,
         "export raw data, or switch compression off for this loop's tags",
     ),
     Branch("exception_reported", _by_exception, WORDS, _RAW),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -29,7 +31,7 @@ def through(stage: Reporting, samples: Samples, cuts: list[int] | None = None) -
     """All that comes out, rows taken in in pieces."""
     edges = [0, *(cuts or []), len(samples)]
     pieces = []
-    for a, b in zip(edges, edges[1:], strict=False):
+    for a, b in pairwise(edges):
         pieces += [copied(p) for p in stage.run(samples.take(slice(a, b)))]
     return joined(pieces + [copied(p) for p in stage.flush()])
 

@@ -8,7 +8,10 @@ from monitor.contract.samples import Samples
 
 
 def by_exception(samples: Samples, band: float, longest: float, every: bool = True) -> Samples:
-    """Return the rows of one loop that are sent: PV, SP (and OP with ``every``) left their band, or ``longest`` [s] is over."""
+    """Return the rows of one loop that are sent: a value left its band, or ``longest`` [s] is over.
+
+    With ``every`` OP has rows of its own.
+    """
     columns = [samples.pv, samples.sp, samples.op][: 3 if every else 2]
     widths = [band, 0.0, band]
     sent, last = [c[0] for c in columns], [int(samples.time[0])] * len(columns)

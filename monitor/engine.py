@@ -22,6 +22,7 @@ from monitor.detect.detector import Detector, Found
 from monitor.detect.event import BY_GAP, BY_SETTINGS, SETPOINT_STEP, ClosedEvent, Stretch
 from monitor.detect.state import COUNTS
 from monitor.health.loop_health import by_exception, figures
+from monitor.health.measurement import compression_of
 from monitor.identify.direct import model_response
 from monitor.reporting.stage import Reporting
 from monitor.verdict.history import LoopHistory
@@ -225,7 +226,14 @@ class Engine:
                 self.disturbances += 1
                 return []
         controller = in_force.extra_delay, in_force.contradiction
-        finding = assess_event(in_force.loop, event, *controller, thorough=history.under_way)
+        made_up = compression_of(event.health["measurement"]) or 0.0
+        finding = assess_event(
+            in_force.loop,
+            event,
+            *controller,
+            thorough=history.under_way,
+            reconstructed=1.0 if dead_band is not None else made_up,
+        )
         if not finding.is_event:
             self.disturbances += 1
             return []

@@ -37,20 +37,19 @@ def passes(state, batch, at):
     """Take in rows from ``at`` on that are handed on as they are; return the first that is not."""
     for k in range(at, len(batch.time)):
         s = state[batch.loop[k]]
-        # a bad or late row of a loop that is passing is handed on, and detection counts it
-        if s.mode != PASSING or not is_good(s, batch, k) or not goes_on(s, batch.time[k]):
+        time, sp, pv, op = batch.time[k], batch.sp[k], batch.pv[k], batch.op[k]
+        if s.mode != PASSING or not is_good(s, time, pv, op, batch.quality[k]) or not goes_on(s, time):
             return k
-        keep(s, batch, k)
-        s.out_time = s.time
+        keep(s, time, sp, pv, op, batch.auto[k])
     return len(batch.time)
 
 
 @jit
-def is_good(s, batch, k):
+def is_good(s, time, pv, op, quality):
     """Whether a row is good and newer than the loop's last."""
-    if s.rows > 0 and batch.time[k] <= s.time:
+    if s.rows > 0 and time <= s.time:
         return False
-    return batch.quality[k] >= QUALITY_UNCERTAIN and np.isfinite(batch.pv[k]) and np.isfinite(batch.op[k])
+    return quality >= QUALITY_UNCERTAIN and np.isfinite(pv) and np.isfinite(op)
 
 
 @jit
@@ -60,31 +59,32 @@ def goes_on(s, time):
     if s.rows < 2:
         s.usual = step
         return s.rows == 0 or step < SLOW_NS or s.given > 0
+    if abs(step - s.usual) <= SAME_SHARE * s.usual:
+        s.looked += 1
+        return True
+    if s.looked >= LOOK_ROWS:
+        s.backoff = max(s.backoff, 1)
     far = step > IRREGULAR_RATIO * s.usual or IRREGULAR_RATIO * step < s.usual
     early = s.usual >= SLOW_NS and step < EARLY_SHARE * s.usual
     if (s.backoff == 0 and far) or (s.backoff == 1 and early):
         return False
-    odd = abs(step - s.usual) > SAME_SHARE * s.usual
     if s.looked >= LOOK_ROWS * max(s.backoff, 1):
         s.looked = s.odd = 0
-    if odd and s.odd + 1 >= ODD_ROWS * max(s.backoff, 1):
+    if s.odd + 1 >= ODD_ROWS * max(s.backoff, 1):
         return False
     s.looked += 1
-    if s.backoff == 0 and s.looked == LOOK_ROWS:
-        s.backoff = 1
-    if odd:
-        s.odd += 1
-        # the usual interval is followed slowly up and down: the median of all
-        s.usual += max(s.usual >> 4, 1) if step > s.usual else -(s.usual >> 4)
+    s.odd += 1
+    # the usual interval is followed slowly up and down: the median of all
+    s.usual += max(s.usual >> 4, 1) if step > s.usual else -(s.usual >> 4)
     return True
 
 
 @jit
-def keep(s, batch, k):
+def keep(s, time, sp, pv, op, auto):
     """Make a good row the loop's last one; a set point holds until another comes."""
-    s.time, s.pv, s.op, s.auto = batch.time[k], batch.pv[k], batch.op[k], batch.auto[k]
-    if np.isfinite(batch.sp[k]):
-        s.sp = batch.sp[k]
+    s.time, s.pv, s.op, s.auto = time, pv, op, auto
+    if np.isfinite(sp):
+        s.sp = sp
     s.rows = min(s.rows + 1, 2)
     s.good, s.late = 1, 0
 
@@ -102,7 +102,7 @@ def take(state, ring, batch, at, out):
         s, rows = state[i], ring[i]
         if n == len(out.time):
             return k, n, -1
-        if not is_good(s, batch, k):
+        if not is_good(s, time, batch.pv[k], batch.op[k], batch.quality[k]):
             if lets_go(s, time):
                 return k, n, i
             n = put(batch, k, out, n)
@@ -113,7 +113,7 @@ def take(state, ring, batch, at, out):
             n, done = hold(s, i, s.time, s.sp, s.op, s.auto != 0, time, out, n)
             if not done:
                 return k, n, -1
-        keep(s, batch, k)
+        keep(s, time, batch.sp[k], batch.pv[k], batch.op[k], batch.auto[k])
         if s.mode != WATCHING:
             n = hand_on(s, batch, k, out, n)
         if s.mode != PASSING and is_known(s, rows, batch.auto[k], batch.quality[k]):
@@ -203,7 +203,7 @@ def begin_to_look(s, rows, time):
     s.mode = WATCHING if s.backoff == 0 or (quiet and s.backoff == 1) else COLLECTING
     w = rows[0]
     w.time, w.sp, w.pv, w.op, w.auto, w.quality = s.time, s.sp, s.pv, s.op, s.auto != 0, QUALITY_GOOD
-    s.n = s.next = 1
+    s.out_time, s.n, s.next = s.time, 1, 1
 
 
 @jit

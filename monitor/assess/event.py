@@ -35,10 +35,10 @@ from .tuning import current_sensitivity, judge
 
 RECONSTRUCTED_SHARE = 0.5
 """Share of PV's values that a historian left out or made up, from which the intervals are wider."""
-RECONSTRUCTED_FLOOR_RATIO, RECONSTRUCTED_SCATTER_RATIO = 4.0, 2.0
-"""What a model's variances grow by then: those of its mismatch and those by its residuals. What was drawn between two
-values that were kept, or held, follows no process: its error is neither noise nor the same at all times (measured on
-simulated fleets: without it, one true gain in ten lies outside of the interval)."""
+RECONSTRUCTED_FLOOR_RATIO = 4.0
+"""What the variances of a model's mismatch grow by then. What was drawn between two values that were kept, or held,
+follows no process: its error is neither noise nor the same at all times, and the residuals show a part of it only
+(measured on simulated fleets: without it, one true gain in ten lies outside of the interval)."""
 LOAD_BESIDE = "no index: a load came beside the set-point step, and the error is that one's, too"
 
 
@@ -130,9 +130,7 @@ def _widened(fit: Fit, reconstructed: float) -> Fit:
     """Return a fit with the intervals that it has on values of which this share was left out or made up."""
     if reconstructed <= RECONSTRUCTED_SHARE:
         return fit
-    return replace(
-        fit, floor=RECONSTRUCTED_FLOOR_RATIO * fit.floor, scatter=RECONSTRUCTED_SCATTER_RATIO * fit.scatter
-    )
+    return replace(fit, floor=RECONSTRUCTED_FLOOR_RATIO * fit.floor)
 
 
 def _record(

@@ -81,8 +81,10 @@ def conclude(tuning: Tuning, loop: Loop, health: Health) -> Conclusion:
     if first is not None:
         branch, said = first
         return Conclusion(INCONCLUSIVE, _over(tuning, said), branch.action, flags, withheld=True)
-    beside = next((said for b, said in held if b.effect == WORDS), "")
+    beside, finer = next(((said, b.action) for b, said in held if b.effect == WORDS), ("", ""))
     reason, action = "; ".join(filter(None, (tuning.reason, beside))), tuning.action
+    if tuning.verdict == INCONCLUSIVE and finer:
+        action = finer
     if tuning.verdict == NOT_ASSESSED:
         why = next(((said, b.action) for b, said in held if b.effect in (EXPLAINS, WORDS)), None)
         reason, action = why or (

@@ -91,7 +91,7 @@ def test_what_comes_before_the_tuning_withholds_it(flag, verdict):
 @pytest.mark.parametrize(
     ("flag", "found"), [("compressed", {"compression": 0.9}), ("exception_reported", {"dead_band": 0.25})]
 )
-@pytest.mark.parametrize("verdict", [GOOD, RETUNE, NOT_ASSESSED])
+@pytest.mark.parametrize("verdict", [GOOD, RETUNE, NOT_ASSESSED, INCONCLUSIVE])
 def test_what_a_historian_did_is_said_beside_the_verdict(flag, found, verdict):
     """The model's intervals are wider there, and carry the suggestion or not; without events it is why."""
     row = conclude(tuned(verdict), LOOP, healthy(**found))
@@ -101,7 +101,7 @@ def test_what_a_historian_did_is_said_beside_the_verdict(flag, found, verdict):
         "intervals are wider" in row.reason if flag == "compressed" else "dead band about 0.25" in row.reason
     )
     assert (row.new_kp == 2.5) == (verdict == RETUNE)
-    if verdict == NOT_ASSESSED:
+    if verdict in {NOT_ASSESSED, INCONCLUSIVE}:
         assert "switch" in row.action
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +21,27 @@ from monitor.contract.samples import Samples
 from monitor.detect.detector import Detector, Found
 from monitor.detect.event import BY_GAP, BY_SETTINGS, LOAD_STEP, ClosedEvent, Stretch
 from monitor.detect.state import COUNTS, FATES
-from monitor.health.loop_health import figures
+from monitor.health.loop_health import by_exception, figures
+from monitor.health.measurement import compression_of
 from monitor.identify.direct import model_response
+from monitor.reporting.stage import Reporting
 from monitor.verdict.history import LoopHistory
 from monitor.verdict.in_force import InForce
 from monitor.verdict.moves import moves_in_words
 from monitor.verdict.parts import Tuning
 from monitor.verdict.row import loop_row, says_new, worst_first
 from monitor.verdict.stale import LastSample, LastSamples
+
+SUSPECTED_LOAD_QUANTA = 2.5
+"""Dead bands that an excursion must reach to be a load step's: as for a transmitter's last bit."""
+
+
+class _Waiting(NamedTuple):
+    """An event to be assessed, and what was known of its loop's rows when it closed."""
+
+    event: ClosedEvent
+    dead_band: float | None
+    """By which PV must change for a row to come, about [PV]; None where rows come at a rate."""
 
 
 class Engine:
@@ -46,9 +59,10 @@ class Engine:
     def __init__(self, loops: LoopTable, most_stretches: int | None = None) -> None:
         self.loops = loops
         self.most_stretches = most_stretches
+        self.reporting = Reporting(list(loops))
         self.detector = Detector(list(loops))
         self._histories: dict[int, LoopHistory] = {}
-        self._pending: list[ClosedEvent] = []
+        self._pending: list[_Waiting] = []
         self._stretches: dict[int, list[Stretch]] = {}
         """By row: to be looked at before the row's next event, or when nothing else waits."""
         self._retired: Counter[str] = Counter()
@@ -72,6 +86,7 @@ class Engine:
         """Watch what was added to the loop table: a thousand loops at once cost as much as one."""
         known = len(self.detector.state)
         if known < len(self.loops):
+            self.reporting.add(self.loops.loops[known:])
             self.detector.add(self.loops.loops[known:])
 
     def retuned(self, row: int, loop: Loop) -> list[Record]:
@@ -82,6 +97,7 @@ class Engine:
         """
         records = self._finish(row, BY_SETTINGS)
         self.loops.replace(row, loop)
+        self.reporting.set_period(row, self.loops[row])
         self.detector.set_limits(row, self.loops[row])
         history = self._history(row)
         history.retune(self.last_sample(row).time + 1, self.loops[row])
@@ -89,25 +105,29 @@ class Engine:
 
     def set_back(self, row: int, first: int) -> list[Record]:
         """Begin a loop anew at an earlier time, ``first`` [ns]: its clock was set back, and an open event ends."""
-        found = self.detector.flush([row], BY_GAP)
+        records = self._let_go([row])
+        self.reporting.forget(row)
+        records += self._take(self.detector.flush([row], BY_GAP))
         self.detector.set_back(row, first)
-        return self._take(found)
+        return records
 
     def retire(self, row: int) -> list[Record]:
         """Give up a loop; an open event ends. Its row is as new, for whoever takes it next."""
         records = self._finish(row, BY_GAP)
         for name in COUNTS:
             self._retired[name] += int(self.detector.state["counts"][name][row])
+        self._retired["ok"] -= int(self.reporting.added[row])
+        self.reporting.forget(row)
         self._histories.pop(row, None)
         self.detector.forget(row)
         return records
 
     def _finish(self, row: int, cause: int) -> list[Record]:
         """End a loop's open event, and assess those that wait."""
-        records = self._take(self.detector.flush([row], cause))
-        own = [event for event in self._pending if event.row == row]
-        self._pending = [event for event in self._pending if event.row != row]
-        records += [record for event in own for record in self._assess(event)]
+        records = self._let_go([row]) + self._take(self.detector.flush([row], cause))
+        own = [waiting for waiting in self._pending if waiting.event.row == row]
+        self._pending = [waiting for waiting in self._pending if waiting.event.row != row]
+        records += [record for waiting in own for record in self._assess(*waiting)]
         return records + self._look_at_stretches(row)
 
     # -- samples in, records out ------------------------------------------------------------------
@@ -118,6 +138,10 @@ class Engine:
 
     def detect(self, samples: Samples) -> list[Record]:
         """Take in samples; return openings and closings. Assessments wait for `assess`."""
+        return [record for piece in self.reporting.run(samples) for record in self._detect(piece)]
+
+    def _detect(self, samples: Samples) -> list[Record]:
+        """Take in samples of loops whose rows come at a rate, or were filled."""
         records = self._take(self.detector.run(samples))
         for stretch in self.detector.take_stretches():
             full = self.most_stretches is not None and len(self._stretches) >= self.most_stretches
@@ -126,11 +150,15 @@ class Engine:
             self._stretches.setdefault(stretch.row, []).append(stretch)
         return records
 
+    def _let_go(self, rows: list[int] | None = None) -> list[Record]:
+        """Take in what waits until it is known how rows come."""
+        return [record for piece in self.reporting.flush(rows) for record in self._detect(piece)]
+
     def assess(self, most: int | None = None) -> list[Record]:
         """Assess waiting events, oldest first, then look at the controllers in stretches; at most ``most`` of both."""
         n = self.backlog if most is None else min(most, self.backlog)
         now, self._pending = self._pending[:n], self._pending[n:]
-        records = [record for event in now for record in self._assess(event)]
+        records = [record for waiting in now for record in self._assess(*waiting)]
         for row in list(self._stretches)[: n - len(now)]:
             records += self._look_at_stretches(row)
         return records
@@ -142,7 +170,7 @@ class Engine:
 
     def close(self) -> list[Record]:
         """Close what is open, because the data end here; assessments wait for `assess`."""
-        return self._take(self.detector.flush())
+        return self._let_go() + self._take(self.detector.flush())
 
     def flush(self) -> list[Record]:
         """Close what is open, because the data end here, and assess it."""
@@ -167,7 +195,7 @@ class Engine:
                     )
                 )
             if closed is not None:
-                self._pending.append(closed)
+                self._pending.append(_Waiting(closed, self.reporting.dead_band(closed.row)))
         return records
 
     def _history(self, row: int) -> LoopHistory:
@@ -183,25 +211,37 @@ class Engine:
             history.look(stretch.window, stretch.start, stretch.end, stretch.period)
         return [*history.take_plan()]
 
-    def _assess(self, event: ClosedEvent) -> list[Record]:
+    def _assess(self, event: ClosedEvent, dead_band: float | None) -> list[Record]:
         """See the controller in an event, and judge both; a loop's order is that of time, however it was batched."""
         records, history = self._look_at_stretches(event.row, event.end), self._history(event.row)
         if not (event.thinned and history.in_force.seen_since(event.onset)):
             first = event.onset + round(event.window.time[0] * 1e9)
             history.look(event.window, first, event.end, event.period)
-        return records + self._judged(event, history) + history.take_plan()
+        return records + self._judged(event, history, dead_band) + history.take_plan()
 
-    def _judged(self, event: ClosedEvent, history: LoopHistory) -> list[Record]:
+    def _judged(self, event: ClosedEvent, history: LoopHistory, dead_band: float | None) -> list[Record]:
         row, in_force = event.row, history.in_force
+        if dead_band is not None:
+            event = replace(event, quantum=max(event.quantum, dead_band))
+            if event.kind == LOAD_STEP and abs(event.amplitude) < SUSPECTED_LOAD_QUANTA * dead_band:
+                self.disturbances += 1
+                return []
         controller = in_force.extra_delay, in_force.contradiction
-        finding = assess_event(in_force.loop, event, *controller, thorough=history.under_way)
+        made_up = compression_of(event.health["measurement"]) or 0.0
+        finding = assess_event(
+            in_force.loop,
+            event,
+            *controller,
+            thorough=history.under_way,
+            reconstructed=1.0 if dead_band is not None else made_up,
+        )
         if not finding.is_event:
             self.disturbances += 0 if finding.is_tail else 1
             return []
         finding = history.add(finding)
         records: list[Record] = [] if finding.record.kind == SETPOINT else [_closing(finding.record)]
         records += [finding.record, _window(event, finding)]
-        standing = self._row(row, event.health, event.period)
+        standing = self._row(row, event.health, event.period, dead_band)
         history.verdict = standing.verdict
         if standing.new_kp is None:
             history.published = None
@@ -217,13 +257,16 @@ class Engine:
         """Return a loop's current row: its verdict, and its health so far."""
         state = self.detector.state[row]
         moves = moves_in_words({name: int(state["moves"][name]) for name in FATES})
-        return self._row(row, self.detector.health[row], float(state["clock"]["period"]), moves)
+        period, dead_band = float(state["clock"]["period"]), self.reporting.dead_band(row)
+        return self._row(row, self.detector.health[row], period, dead_band, moves)
 
-    def _row(self, row: int, health: np.void, period: float, moves: str = "") -> LoopRow:
-        """Return a loop's row with its health, sample period [s] and set-point moves of some moment."""
+    def _row(
+        self, row: int, health: np.void, period: float, dead_band: float | None, moves: str = ""
+    ) -> LoopRow:
+        """Return a loop's row with its health, sample period [s], dead band [PV] and set-point moves of some moment."""
         history = self._histories.get(row)
         tuning = Tuning() if history is None else history.tuning
-        seen = figures(health, period, tuning.model.get("dead_time"))
+        seen = by_exception(figures(health, period, tuning.model.get("dead_time")), dead_band)
         in_force = InForce(self.loops[row]) if history is None else history.in_force
         return loop_row(in_force, replace(tuning, moves=moves), seen)
 
@@ -244,11 +287,12 @@ class Engine:
     def last_samples(self) -> LastSamples:
         """Return how all loops' samples ended, as of now."""
         state = self.detector.state
-        clock, counts = state["clock"], state["counts"]
+        clock, counts, waiting = state["clock"], state["counts"], self.reporting.waiting
         return LastSamples(
-            time=state["last"]["time"],
-            period=clock["period"],
-            good=counts["ok"],
+            time=np.where(waiting > 0, self.reporting.state["time"], state["last"]["time"]),
+            # of rows on change, the longest silence that is none
+            period=np.maximum(clock["period"], self.reporting.quiet),
+            good=counts["ok"] - self.reporting.added + waiting,
             bad_value=counts["bad_value"],
             bad_quality=counts["bad_quality"],
             bad_run=clock["bad_run"],
@@ -260,7 +304,10 @@ class Engine:
 
     def counts(self) -> dict[str, int]:
         """Return what became of all samples, by cause."""
-        return {name: int(self.detector.state["counts"][name].sum()) + self._retired[name] for name in COUNTS}
+        counts = {
+            name: int(self.detector.state["counts"][name].sum()) + self._retired[name] for name in COUNTS
+        }
+        return {**counts, "ok": counts["ok"] - int(self.reporting.added.sum())}
 
     def go_on(self, row: int, plan: Plan) -> None:
         """Go on with a loop's retune that was under way when another engine ended."""
@@ -273,11 +320,12 @@ class Engine:
 
         Among them ``onset``, of its event [ns since 1970]. For no loops: the layouts alone.
         """
-        return self.detector.known(rows)
+        return {**self.detector.known(rows), **self.reporting.known(rows)}
 
     def adopt(self, row: int, known: dict[str, Any]) -> None:
         """Go on with a loop whose event was open when another engine ended: its row of each array of `known`."""
         self.detector.adopt(row, known)
+        self.reporting.adopt(row, known)
 
 
 def _closing(record: Assessment) -> Event:

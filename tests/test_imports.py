@@ -14,11 +14,12 @@ ROOT = Path(__file__).resolve().parent.parent
 OURS = ("tuners", "monitor", "sim_plants")
 MOST_LINES = 400
 
-CORE = ("contract", "health", "detect", "identify", "assess", "advise", "verdict", "engine")
+CORE = ("contract", "health", "reporting", "detect", "identify", "assess", "advise", "verdict", "engine")
 STATIONS: dict[str, tuple[str, ...]] = {
     "compiled": (),
     "contract": ("tuners",),
     "health": ("compiled",),
+    "reporting": ("compiled", "contract"),
     "detect": ("compiled", "contract", "health"),
     "identify": ("compiled", "contract", "detect.event", "tuners"),
     "assess": ("contract", "detect.event", "identify", "tuners"),

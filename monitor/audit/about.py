@@ -64,7 +64,22 @@ def problems(inputs: Inputs, tally: Tally, left: Mapping[str, str]) -> list[str]
         more = tally.lost_lines[file] - len(lines[:MOST_SHOWN_LINES])
         if more > 0:
             out.append(f"{file}: {more} more lines that cannot be read")
+    out += _repeated(inputs, tally)
     return out + [f"loop {visible(name, 80)}: {reason}" for name, reason in sorted(left.items())]
+
+
+def _repeated(inputs: Inputs, tally: Tally) -> list[str]:
+    """Say that times came again with other values: two samples cannot be of one time, so a clock went back."""
+    if not tally.conflict:
+        return []
+    said = (
+        f"times repeat or go back: {tally.conflict} rows with other values at a time that their loop has had are "
+        "left out"
+    )
+    naive = any(s.clock.naive for s in inputs.sources)
+    return [
+        f"{said}; local times of a night when clocks went back? Name their zone by --tz" if naive else said
+    ]
 
 
 def why_nothing(inputs: Inputs, tally: Tally, samples: Mapping[str, int]) -> str:
@@ -140,10 +155,11 @@ def about(
 
 def _read_as(source: Source, tally: Tally) -> dict[str, Any]:
     clock = source.clock
+    order = f" [{clock.order}]" if clock.order else ""
     return {
         "layout": source.layout.kind,
         "rows": source.rows if source.rows is not None else tally.file_rows.get(source.name, 0),
-        "time": f"{clock.kind} [{clock.unit}]" if clock.kind == "number" else clock.kind,
+        "time": f"{clock.kind} [{clock.unit}]" if clock.kind == "number" else clock.kind + order,
     }
 
 

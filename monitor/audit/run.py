@@ -12,15 +12,13 @@ from typing import Any
 from monitor.adapters.files import write_text
 from monitor.adapters.historian.rows import Tally, UnusableError
 from monitor.adapters.tables import write_tables
-from monitor.contract.records import LoopRow
-from monitor.contract.times import iso
 from monitor.verdict.row import worst_first
-from monitor.verdict.stale import is_stale, mark_stale, patience_of_export
 
 from .about import AUDIT_SCHEMA, about, counted, loops_left_out, package_version, problems, why_nothing
 from .inputs import Inputs, find, identity
 from .result import PARTS_FOLDER, AuditResult
 from .settings import AuditSettings
+from .silence import Silence, end_of_most
 from .tasks import Part, Progress, plan, run_all
 
 
@@ -130,7 +128,8 @@ class Audit:
         events = sorted((e for p in self.parts for e in p.events), key=lambda e: (e.loop, e.start, e.id))
         seconds = all(s.clock.numeric for s in inputs.sources)
         reach = _reach(self.parts)
-        rows = sorted((r for p in self.parts for r in _with_silence(p, reach, seconds)), key=worst_first)
+        silence = Silence(reach[0], end_of_most(p.last for p in self.parts))
+        rows = sorted((r for p in self.parts for r in silence.rows(p)), key=worst_first)
         self.out.mkdir(parents=True, exist_ok=True)
         files = write_tables(self.out, events, rows, seconds=seconds)
         counts = counted(tally, samples, len(events), rows)
@@ -162,14 +161,3 @@ def _reach(parts: Sequence[Part]) -> tuple[int, int]:
     firsts = [p.first for p in parts if p.first is not None]
     newest = [p.newest for p in parts if p.newest is not None]
     return min(firsts, default=0), max(newest, default=0)
-
-
-def _with_silence(part: Part, reach: tuple[int, int], seconds: bool) -> list[LoopRow]:
-    """Return a part's rows, marked where a loop's good samples end well before the newest of all."""
-    patience, rows = patience_of_export(*reach), []
-    for row in part.rows:
-        last = part.last[row.loop]
-        stale = is_stale((reach[1] - last.time) * 1e-9, last.period, patience)
-        since = f"{last.time * 1e-9:.10g} s" if seconds else iso(last.time)
-        rows.append(mark_stale(row, last, since if stale else None))
-    return rows

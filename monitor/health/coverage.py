@@ -13,8 +13,12 @@ from .fields import halving
 COVERED_PERIODS = 1.5
 """Sample periods that a sample covers at most: a missed one is bridged, but was not seen."""
 
+SLICE_GAP_S = 6 * 3600.0
+"""A silence from which on data come in slices [s]: an export of Monday's and Thursday's has no missing Tuesday. A
+shift's length: what is lost by faults of the line is shorter, or is seen as stale while it lasts."""
+
 SUMS: list[Any] = [
-    ("wall_time", "f8"),  # [s] from sample to sample, gaps too
+    ("wall_time", "f8"),  # [s] from sample to sample, gaps too, without what lies between slices
     ("good_time", "f8"),  # [s] covered by samples
     ("manual_time", "f8"),  # [s] in manual, gaps left out
     ("auto_time", "f8"),  # [s] from one sample in automatic to the next
@@ -29,6 +33,8 @@ decay = halving(SUMS)
 @jit
 def update(own, dt, period, gap, was_auto, auto):
     """Take in the time since the last sample [s] and the mode before and after it; ``period`` is 0 if unknown [s]."""
+    if gap and dt > SLICE_GAP_S:
+        return
     own.wall_time += dt
     if gap:
         return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from . import coverage, harris, measurement, offset, saturation, tag_mapping, travel
@@ -80,6 +80,8 @@ class Health:
     """Whether the tags look wrongly wired."""
     config_change: bool = False
     """Whether SP and PV jumped by the same factor, as if their unit had changed."""
+    dead_band: float | None = None
+    """By which PV must change for a row to come, about [PV]; None for rows that come at a rate."""
     undersampled: bool = False
     """Whether the response is over before it is seen."""
     pv_moving: float | None = None
@@ -123,6 +125,24 @@ def figures(health: Any, period: float, dead_time: float | None = None) -> Healt
         out["harris"] = _harris(health["harris"], spacing, dead_time, out)
     known: dict[str, Any] = {k: v for k, v in out.items() if not isinstance(v, float) or math.isfinite(v)}
     return Health(**known)
+
+
+def by_exception(health: Health, dead_band: float | None) -> Health:
+    """Return a loop's health with what rows on change alone make of it: PV has the dead band's resolution.
+
+    What rests between such rows is held, not idle: figures that take it for the plant's are left out.
+    """
+    if dead_band is None:
+        return health
+    return replace(
+        health,
+        dead_band=dead_band,
+        quantum=max(health.quantum or 0.0, dead_band),
+        idle=False,
+        stuck=False,
+        harris=None,
+        noise=None,
+    )
 
 
 def _of_control(health: Any, auto: float, period: float, known: dict[str, Any]) -> dict[str, Any]:

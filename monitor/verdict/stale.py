@@ -35,12 +35,12 @@ class Patience:
 LIVE = Patience(least=10.0, unknown=600.0)
 
 
-def patience_of_export(first: int, newest: int) -> Patience:
-    """Return how long a loop may be silent at the end of an export from ``first`` to ``newest`` [ns], an hour at least.
+def patience_of_export(first: int, end: int) -> Patience:
+    """Return how long a loop may be silent at the end of an export from ``first`` to ``end`` [ns], an hour at least.
 
     All loops' samples must end together, whether their period is known or not.
     """
-    least = max(3600.0, EXPORT_SHARE * (newest - first) * 1e-9)
+    least = max(3600.0, EXPORT_SHARE * (end - first) * 1e-9)
     return Patience(least, unknown=least)
 
 

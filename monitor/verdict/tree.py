@@ -45,9 +45,9 @@ SLAVE_SP_SHARE = 0.5
 SAME_PERIOD_RATIO = 2.0
 """Factor between a loop's own period and the one seen, up to which its settings may be the cause."""
 
-WITHHOLDS, EXPLAINS, MARKS = "withholds", "explains", "marks"
-"""What a branch does: overrules any verdict on the tuning (`inconclusive`); says why a loop was not assessed; or only
-sets its flag."""
+WITHHOLDS, EXPLAINS, MARKS, WORDS = "withholds", "explains", "marks", "words"
+"""What a branch does: overrules any verdict on the tuning (`inconclusive`); says why a loop was not assessed; only sets
+its flag; or is said beside the verdict, and says why a loop was not assessed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +80,12 @@ def conclude(tuning: Tuning, loop: Loop, health: Health) -> Conclusion:
     if first is not None:
         branch, said = first
         return Conclusion(INCONCLUSIVE, _over(tuning, said), branch.action, flags, withheld=True)
-    reason, action = tuning.reason, tuning.action
+    beside, finer = next(((said, b.action) for b, said in held if b.effect == WORDS), ("", ""))
+    reason, action = "; ".join(filter(None, (tuning.reason, beside))), tuning.action
+    if tuning.verdict == INCONCLUSIVE and finer:
+        action = finer
     if tuning.verdict == NOT_ASSESSED:
-        why = next(((said, b.action) for b, said in held if b.effect == EXPLAINS), None)
+        why = next(((said, b.action) for b, said in held if b.effect in (EXPLAINS, WORDS)), None)
         reason, action = why or routine(loop, health, tuning.moves)
     return Conclusion(tuning.verdict, reason, action, flags, withheld=False)
 
@@ -122,10 +125,19 @@ def _changed(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     return "PV and SP jumped together: a new unit or range" if health.config_change else ""
 
 
-def _compressed(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    share = _of(health.compression)
+def _by_exception(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    if health.dead_band is None:
+        return ""
     return (
-        f"the historian compressed these data ({share:.0%} of the points are reconstructed)"
+        f"PV is reported by exception (dead band about {health.dead_band:.2g} [PV]): between rows its last value "
+        "is held"
+    )
+
+
+def _compressed(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    share = 0.0 if health.dead_band is not None else _of(health.compression)
+    return (
+        f"the historian compressed these data ({share:.0%} of the points are reconstructed): intervals are wider"
         if share > COMPRESSED_SHARE
         else ""
     )
@@ -253,6 +265,10 @@ def _of(value: float | None) -> float:
 
 
 _LOOK = "find out what changed, and judge the loop on data from after it"
+_RAW = (
+    "for finer figures switch exception reporting off for this loop's tags (dead band 0, or report every scan), then "
+    "make a set-point step"
+)
 _WIRING = "check the loop's tags in the loop table against the plant"
 _FACEPLATE = "compare form, kp, ti and td of the loop table with the block's faceplate, units included"
 _LAW = "find out what else moves OP: a gap, a gain that follows the error, an override, a feed-forward"
@@ -270,9 +286,10 @@ TREE = (
     Branch(
         "compressed",
         _compressed,
-        WITHHOLDS,
+        WORDS,
         "export raw data, or switch compression off for this loop's tags",
     ),
+    Branch("exception_reported", _by_exception, WORDS, _RAW),
     Branch("undersampled", _coarse, WITHHOLDS, "sample the loop faster"),
     Branch("", _uncovered, EXPLAINS, "find out why samples are missing or bad"),
     # is the loop in control?

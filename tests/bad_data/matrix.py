@@ -230,10 +230,10 @@ INSTEAD: dict[int, str] = {
     ),
     12: (
         "Live a loop is stale after three periods without a good sample, ten seconds at least (ten minutes while "
-        "its period is not known). In the audit its last good sample must lie before the newest of all by three "
-        "periods, an hour and a hundredth of the whole time: an archive that writes what changes is silent for a "
-        "while. Both say the same in the row. All loops at once: one line, and `ready` is false in the status; "
-        "there is no HTTP endpoint."
+        "its period is not known). In the audit its last good sample must lie before the end of half of the loops "
+        "by three periods, an hour and a hundredth of the whole time: an archive that writes what changes is silent "
+        "for a while, and one loop that goes on alone makes no others stale. Both say the same in the row. All "
+        "loops at once: one line, and `ready` is false in the status; there is no HTTP endpoint."
     ),
     19: (
         "Live a late sample is dropped and counted (`late`), and nowhere kept: the historian has it, and the audit "

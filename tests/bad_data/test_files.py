@@ -191,7 +191,7 @@ def test_any_workers_and_any_order_of_tasks_give_the_same_bytes(
         folders.append(tmp_path / f"{cuts}-{jobs}-{seed}")
         assert len(audit(data, folders[-1], ".parquet", table, jobs=jobs).events) == 9
     first, *others = map(everything, folders)
-    assert first["loops.csv"].count(b"stale") == 8
+    assert first["loops.csv"].count(b"stale") == 1
     assert all(other == first for other in others)
 
 
@@ -218,7 +218,7 @@ def everything(folder: Path) -> dict[str, bytes]:
 
 
 def fleet() -> pd.DataFrame:
-    """Nine loops with an event each; one goes on for hours, against which the others are stale."""
+    """Nine loops with an event each; one ends two hours before the others, and is stale."""
     last = good(N, name="L8", seed=8)
-    last["time"] += np.arange(N) // (N - 1) * 7200 * SECOND
+    last["time"] -= 7200 * SECOND
     return pd.concat([*(good(N, name=f"L{k}", seed=k) for k in range(8)), last])

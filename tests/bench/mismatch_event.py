@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from monitor.contract.samples import Samples
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 MOST_SAMPLES = 3000
 """Recorded samples of an event: what is slower is cut off by the end of the data."""
 START_S = 1_767_225_600.0
+HEARTBEAT_ROWS = 60
+"""Rows after which one is sent although nothing has changed."""
 SETPOINT, LOAD = "setpoint", "load"
 
 
@@ -192,7 +195,20 @@ def record(drawn: Drawn, columns: tuple[Floats, Floats, Floats], first: int, sta
     op = op + drawn.op0
     op = {"fraction": op / 100, "inverted": 100 - op}.get(how, op)
     samples = Samples.of(zeros, stamp, sp + drawn.pv0, pv + drawn.pv0, op, auto)
+    if how == "exception-rows":
+        return samples.take(_changed(sp, pv, op))
     return samples.take(rng.random(len(sp)) >= 0.05) if how == "lost" else samples
+
+
+def _changed(*columns: Floats) -> NDArray[np.bool_]:
+    """Return which rows a report by exception sends: where a value is another, and now and then without any change."""
+    keep = np.ones(len(columns[0]), np.bool_)
+    keep[1:] = np.any([np.diff(x) != 0.0 for x in columns], axis=0)
+    last = 0
+    for k in range(1, len(keep)):
+        keep[k] |= k - last >= HEARTBEAT_ROWS
+        last = k if keep[k] else last
+    return keep
 
 
 def _spoilt(
@@ -211,7 +227,7 @@ def _spoilt(
     elif how == "op-rounded":
         quantum = float(np.abs(op - op[0]).max()) * 0.005 * 10 ** extra["a"] or 1.0
         op = np.round(op / quantum) * quantum
-    elif how in {"swinging-door", "exception"}:
+    elif how in {"swinging-door", "exception", "exception-rows"}:
         pv, op = (_compressed(x, (0.004 * 5 ** extra["a"]) * float(np.ptp(x)), how) for x in (pv, op))
     elif how == "jitter":
         time = time + rng.uniform(-0.2, 0.2, len(time)) * drawn.period
@@ -221,7 +237,7 @@ def _spoilt(
 def _compressed(values: Floats, band: float, how: str) -> Floats:
     """Values after exception reporting (held), or after a swinging door (drawn straight between the kept)."""
     n = len(values)
-    if how == "exception":
+    if how.startswith("exception"):
         out, kept = values.copy(), values[0]
         for k in range(n):
             if abs(values[k] - kept) > band:

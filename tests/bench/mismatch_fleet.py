@@ -122,6 +122,7 @@ def _kinds() -> list[Kind]:
         Kind("pv-quantised", RECORDING, recording="pv-quantised"),
         Kind("swinging-door", RECORDING, recording="swinging-door"),
         Kind("exception-deadband", RECORDING, recording="exception"),
+        Kind("exception-rows", RECORDING, recording="exception-rows"),
         Kind("unsynchronised", RECORDING, recording="unsynchronised"),
         Kind("odd-scan", RECORDING, block="odd-scan"),
         Kind("jittered-times", RECORDING, recording="jitter"),

@@ -18,6 +18,7 @@ from monitor.contract.quality import opc_quality, quality_of
 from monitor.contract.samples import QUALITY_GOOD
 from monitor.contract.times import UNIT_NS
 
+from .clock import DAY_FIRST, MONTH_FIRST
 from .rows import Tally
 
 _AUTOMATIC = "auto aut a cas cascade c rcas true t 1 1.0 yes on wahr"
@@ -25,7 +26,10 @@ _MANUAL = "man manual m hand h rout trk iman lo oos false f 0 0.0 no off falsch"
 MODES = {**dict.fromkeys(_AUTOMATIC.split(), 1), **dict.fromkeys(_MANUAL.split(), 0)}
 """Text of a mode, lower case: only AUTO, CAS, RCAS are automatic; what is in neither list is unknown."""
 
+MONTHS = 12
+"""In a year: a larger number is a day's."""
 _AWARE = re.compile(r"(?:Z|[+-]\d\d:?\d\d|[+-]\d\d)$")
+_SLASHED = r"^(\d{1,2})/(\d{1,2})/(\d{4})"
 _DOTTED = r"^(\d{1,2})\.(\d{1,2})\.(\d{4})"
 
 
@@ -167,13 +171,38 @@ def stamps(array: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     return np.asarray(raw, dtype=np.int64), good
 
 
-def text_times(array: Any, zoned: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Read ISO times (also ``31.12.2024 23:59:59,5``).
+def order_of(array: Any) -> str:
+    """Tell whether dates with slashes name the day or the month first; empty where there are none.
+
+    Raises
+    ------
+    ValueError
+        Each may be either.
+    """
+    parts = plain(array).to_pandas().astype("str").str.strip().str.extract(_SLASHED).dropna().astype("int64")
+    if not len(parts):
+        return ""
+    day_first, month_first = bool((parts[0] > MONTHS).any()), bool((parts[1] > MONTHS).any())
+    if day_first == month_first:
+        shown = "/".join(f"{n:02d}" for n in parts.iloc[0])
+        kind = "both" if day_first else "either"
+        raise ValueError(
+            f"time: dates like {shown} name the day or the month first, {kind}; expected ISO text"
+        )
+    return DAY_FIRST if day_first else MONTH_FIRST
+
+
+def text_times(
+    array: Any, zoned: Any, order: str = ""
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Read ISO times (also ``31.12.2024 23:59:59,5``, and ``31/12/2024 23:59:59`` where the order is known).
 
     Parameters
     ----------
     zoned
         The Arrow type of a time with zone, which has no name to ask for it by.
+    order
+        Of day and month, as `order_of` says.
 
     Returns
     -------
@@ -192,14 +221,18 @@ def text_times(array: Any, zoned: Any) -> tuple[NDArray[np.int64], NDArray[np.bo
             except ValueError:
                 continue
             return ns, everywhere, everywhere if aware else ~everywhere
-    return _odd_times(array)
+    return _odd_times(array, order)
 
 
-def _odd_times(array: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
+def _odd_times(array: Any, order: str) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
     import pandas as pd  # noqa: PLC0415 (half a second; only for what a plain cast refuses)
 
     text = array.to_pandas().astype("str").str.strip().str.replace(",", ".", regex=False)
     text = text.str.replace(_DOTTED, r"\3-\2-\1", regex=True)
+    if order:
+        date = r"\3-\2-\1" if order == DAY_FIRST else r"\3-\1-\2"
+        text = text.str.replace(r"^(\d)/", r"0\1/", regex=True).str.replace(r"/(\d)/", r"/0\1/", regex=True)
+        text = text.str.replace(_SLASHED, date, regex=True)
     aware = text.str.contains(_AWARE).fillna(value=False).to_numpy(np.bool_)
     # a date's own hyphens look like an offset: 2024-08-24
     aware = aware & (text.str.len() > len("2024-08-24")).fillna(value=False).to_numpy(np.bool_)

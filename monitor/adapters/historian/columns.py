@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from monitor.contract.samples import QUALITY_GOOD
 
-from .cells import codes_of, is_text, modes, numbers, plain, qualities, stamps, text_times
+from .cells import codes_of, is_text, modes, numbers, order_of, plain, qualities, stamps, text_times
 from .clock import OLDEST_S, Clock, clock_of_numbers, numbers_to_ns, plausible
 from .layout import LONG, NEEDED, PER_LOOP, Layout, normal_name
 from .rows import HOLD_OP, HOLD_SP, Rows, Tally, join_rows
@@ -39,11 +39,12 @@ def clock_of(first: Any, unit: str | None, zoned: Any, *, comma: bool) -> Clock:
     values = numbers(first, Tally(), comma=comma)
     if np.isfinite(values).sum() * 2 >= len(values):
         return clock_of_numbers(values, unit)
-    ns, good, aware = text_times(first, zoned)
+    order = order_of(first)
+    ns, good, aware = text_times(first, zoned, order)
     if not good.any():
         shown = next((t for t in first.to_pylist() if t), "")
         raise ValueError(f"time: {shown[:40]!r}, expected ISO text, e.g. 2026-11-22T10:00:00, or seconds")
-    return Clock("text", naive=not aware[good][0], epoch=_of_day(ns[good]))
+    return Clock("text", naive=not aware[good][0], order=order, epoch=_of_day(ns[good]))
 
 
 def sparse_of(head: Any, layout: Layout) -> frozenset[str]:
@@ -174,7 +175,7 @@ class Taker:
             ns, good = numbers_to_ns(_time_numbers(array, comma=self.comma), clock)
         else:
             if clock.kind == "text":
-                ns, good, aware = text_times(array, self.zoned)
+                ns, good, aware = text_times(array, self.zoned, clock.order)
                 if (aware[good] == clock.naive).any():
                     raise ValueError("time: with and without zone mixed, expected one kind")
             else:

@@ -12,7 +12,7 @@ from monitor.audit.inputs import Inputs
 from monitor.audit.run import run_audit
 from monitor.audit.settings import AuditSettings
 from monitor.contract.loops import Loop, LoopTable
-from tests.monitor.audit.tools import about
+from tests.monitor.audit.tools import about, step_test
 
 
 def test_counts_add_up(fleet_data: pd.DataFrame, table: Path, tmp_path: Path) -> None:
@@ -60,4 +60,31 @@ def test_why_nothing_was_audited() -> None:
     assert (
         why_nothing(inputs, Tally(rows=9, bad_time=2), {**none, "bad_value": 7})
         == "no good sample in 9 rows: 7 bad_value, 2 bad_time"
+    )
+
+
+def test_a_night_when_clocks_go_back_is_said(tmp_path: Path) -> None:
+    """Local times: exact with their zone; without it the hour that comes twice is named, with the way out."""
+    data = step_test("TIC", n=3 * 3600)
+    first = pd.Timestamp("2026-10-24T23:30:00").value
+    utc = pd.to_datetime(data["time"] - data["time"][0] + first).dt.tz_localize("UTC")
+    local = utc.dt.tz_convert("Europe/Berlin").dt.strftime("%d/%m/%Y %H:%M:%S")
+    data.assign(time=local).to_csv(tmp_path / "d.csv", index=False)
+    (tmp_path / "loops.csv").write_text("name,kp,ti\nTIC,8,40\n")
+    given = [tmp_path / "d.csv"], tmp_path / "loops.csv", tmp_path / "out"
+    without = run_audit(*given)
+    assert without.exit_code == 0
+    assert [said for said in without.problems if said.startswith("times repeat or go back: 3600 rows")]
+    assert "--tz" in without.problems[0]
+    exact = run_audit(*given, AuditSettings(tz="Europe/Berlin"))
+    assert exact.problems == []
+    assert exact.counts["ok"] == len(data)
+    assert [e.start for e in exact.events] == [utc[300].value, utc[600].value]
+
+
+def test_repeated_rows_are_no_clock_that_went_back() -> None:
+    """Overlapping exports hold the same values."""
+    assert problems(Inputs(), Tally(duplicate=5), {}) == []
+    assert problems(Inputs(), Tally(duplicate=5, conflict=2), {})[0].startswith(
+        "times repeat or go back: 2 rows"
     )

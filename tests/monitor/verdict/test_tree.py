@@ -17,7 +17,7 @@ from monitor.verdict.tree import TREE, WITHHOLDS
 FLAGS = {
     "manual", "saturated", "stuck_pv", "idle", "stale", "oscillating", "stiction", "offset", "compressed",
     "undersampled", "mapping_suspect", "config_change", "cascade_slave", "noisy_op", "no_integral",
-    "permanent_upset", "settings_mismatch",
+    "permanent_upset", "settings_mismatch", "exception_reported",
 }  # fmt: skip
 
 LOOP = Loop(name="LIC-1", kp=2.0, ti=100.0, op_low=0.0, op_high=100.0)
@@ -58,7 +58,6 @@ def conclude(tuning: Tuning, loop: Loop, health: Health) -> LoopRow:
 SICK = {
     "stuck_pv": {"stuck": True},
     "mapping_suspect": {"mapping": True},
-    "compressed": {"compression": 0.9},
     "undersampled": {"undersampled": True},
     "saturated": {"saturation": 0.6},
     "stiction": {
@@ -87,6 +86,23 @@ def test_what_comes_before_the_tuning_withholds_it(flag, verdict):
         assert row.iae_setpoint == 30.0  # what is predicted of today's settings stays
         assert "slow to follow" in row.reason
         assert "withheld" in row.reason
+
+
+@pytest.mark.parametrize(
+    ("flag", "found"), [("compressed", {"compression": 0.9}), ("exception_reported", {"dead_band": 0.25})]
+)
+@pytest.mark.parametrize("verdict", [GOOD, RETUNE, NOT_ASSESSED, INCONCLUSIVE])
+def test_what_a_historian_did_is_said_beside_the_verdict(flag, found, verdict):
+    """The model's intervals are wider there, and carry the suggestion or not; without events it is why."""
+    row = conclude(tuned(verdict), LOOP, healthy(**found))
+    assert row.flags == (flag,)
+    assert row.verdict == verdict
+    assert (
+        "intervals are wider" in row.reason if flag == "compressed" else "dead band about 0.25" in row.reason
+    )
+    assert (row.new_kp == 2.5) == (verdict == RETUNE)
+    if verdict in {NOT_ASSESSED, INCONCLUSIVE}:
+        assert "switch" in row.action
 
 
 def test_a_healthy_loop_keeps_its_verdict():

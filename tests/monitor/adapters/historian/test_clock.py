@@ -124,3 +124,34 @@ def test_missing_hour_is_an_error_with_its_line(tmp_path: Path) -> None:
 def test_unknown_zone_is_refused() -> None:
     with pytest.raises(ValueError, match="--tz: 'Mars/Olympus'"):
         zone_of("Mars/Olympus")
+
+
+@pytest.mark.parametrize(
+    ("form", "first"),
+    [
+        ("%d/%m/%Y %H:%M:%S", "2026-10-25"),
+        ("%m/%d/%Y %H:%M", "2026-10-25"),
+        ("%d/%m/%Y %H:%M:%S", "2026-03-31"),
+    ],
+)
+@pytest.mark.parametrize("zone", ["Europe/Berlin", "UTC"])
+def test_dates_with_slashes_where_they_have_one_reading(
+    tmp_path: Path, form: str, first: str, zone: str
+) -> None:
+    """A number above twelve tells the day; the day after is read in the same order, also where it could be a month."""
+    start = np.datetime64(f"{first}T12:00:00", "ns").astype(np.int64)
+    data = frame(auto=False, quality=False)
+    data["time"] = start + (data["time"] - START) * 60 * 60
+    local = pd.to_datetime(data["time"]).dt.tz_localize("UTC").dt.tz_convert(zone)
+    path = tmp_path / "d.csv"
+    data.assign(time=local.dt.strftime(form)).to_csv(path, index=False)
+    equal(all_of(path, span=Span(zone=zone_of(zone))), samples_of(data))
+
+
+@pytest.mark.parametrize("form", ["%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S"])
+def test_dates_with_slashes_that_may_be_either_are_refused(tmp_path: Path, form: str) -> None:
+    text = pd.to_datetime(frame()["time"]).dt.strftime(form)  # 1 March 2026
+    path = tmp_path / "d.csv"
+    frame().assign(time=text).to_csv(path, index=False)
+    with pytest.raises(UnusableError, match="name the day or the month first, either; expected ISO text"):
+        all_of(path)

@@ -37,6 +37,7 @@ def loop_row(in_force: InForce, tuning: Tuning, health: Health) -> LoopRow:
         action=found.action,
         flags=found.flags,
         events=tuning.events,
+        disturbances=tuning.disturbances,
         ci_setpoint=tuning.ci_setpoint,
         ci_load=tuning.ci_load,
         ms=tuning.ms,

@@ -85,7 +85,7 @@ def conclude(tuning: Tuning, loop: Loop, health: Health) -> Conclusion:
     if tuning.verdict == NOT_ASSESSED:
         why = next(((said, b.action) for b, said in held if b.effect == EXPLAINS), None)
         reason, action = why or (
-            "no set-point or load step was seen",
+            tuning.upsets or "no set-point or load step was seen",
             "none; a set-point step shows how the loop is tuned",
         )
     return Conclusion(tuning.verdict, reason, action, flags, withheld=False)

@@ -23,6 +23,7 @@ TABLE_ROWS = 30
 _MODEL = (("gain", "gain μ"), ("t0", "T0"), ("dead_time", "dead time θ"), ("lag", "lag τ₁"))
 _SETTINGS = (("kp", "Kp", "OP/PV"), ("ti", "Ti", "s"), ("td", "Td", "s"), ("tf", "Tf", "s"))
 _PARALLEL = (("kp", "Kp", "OP/PV"), ("ki", "Ki", "OP/(PV s)"), ("kd", "Kd", "OP s/PV"))
+_KINDS = {"setpoint": "set-point step", "load": "load upset", "disturbance": "upset that is no clean step"}
 _VERDICTS = (("retune", "to retune"), ("inconclusive", "inconclusive"), ("good", "good"))
 
 
@@ -135,7 +136,7 @@ def _verdict(row: Row) -> str:
 
 
 def _kind(record: Row) -> str:
-    return {"setpoint": "set-point step", "load": "load upset"}.get(str(record.get("kind")), "event")
+    return _KINDS.get(str(record.get("kind")), "event")
 
 
 def _why(row: Row) -> str:
@@ -236,7 +237,7 @@ def _model(row: Row) -> list[str]:
 
 
 def _event(record: Row) -> list[str]:
-    unit = {"setpoint": "PV", "load": "OP"}.get(str(record.get("kind")), "–")
+    unit = {"setpoint": "PV", "load": "OP", "disturbance": "PV"}.get(str(record.get("kind")), "–")
     lines = [
         "## Event shown",
         "",

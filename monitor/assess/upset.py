@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor.contract.samples import Array
-from monitor.detect.event import ClosedEvent
+from monitor.detect.event import SETTLED, ClosedEvent
 
 STANDS_OUT_SD = 5.0
 """Standard deviations of PV's noise that an upset must exceed to be recorded."""
@@ -17,6 +17,8 @@ STANDS_OUT_RATIO = 2.5
 BAND_SHARE, BAND_SD = 0.05, 4.0
 """PV is back when it stays within this share of the upset's size, or within so many standard deviations of the short
 average of a quiet error: the range of noise over some minutes."""
+STAYED_SHARE = 0.2
+"""Share of the recovery for which PV has to have stayed there in an event that was cut short: it may only pass by."""
 WAVE_SHARE = 0.02
 """Share of the size from which a half wave after it counts, if it is beyond the noise."""
 SIZE_ERROR_SHARE = 0.02
@@ -86,6 +88,8 @@ def measured(event: ClosedEvent) -> Upset | None:
     slow = max(points, _slow_points(smooth[peak:], band) if event.noise > 0.0 else 1)
     smooth, band = _average(error, slow), _band(event, size, slow)
     back = _back(time, smooth, peak, band)
+    stays = event.state == SETTLED or (back is not None and time[-1] - back >= STAYED_SHARE * (back - onset))
+    back = back if stays else None
     after = _waves(smooth[peak:], _wave(event, size, slow))
     beyond = max((-side * wave for wave in after if wave * side < 0.0), default=0.0)
     seen = beyond > 0.0 or back is not None
@@ -186,11 +190,13 @@ def _size(error: Array, peak: int, side: float, known: tuple[tuple[int, int], fl
     (left, right), noise = known
     rough = float(_average(error, 3)[peak]) if noise > 0.0 and left + right > 1 else float(error[peak])
     share = min(_points(rough, noise) / max(left + right + 1, 1), 0.5)
-    values = side * error[peak - round(share * left) : peak + round(share * right) + 1]
+    first = peak - round(share * left)
+    values = side * error[first : peak + round(share * right) + 1]
     if len(values) < LEAST_CURVED_POINTS:
         return side * float(np.mean(values))
     at = np.arange(len(values)) - (len(values) - 1) / 2  # centred: the powers are better apart
-    return side * float(np.max(np.polyval(np.polyfit(at, values, 2), at)))
+    near = np.abs(np.arange(len(values)) - (peak - first)) <= len(values) // 4  # further out noise makes tops
+    return side * float(np.max(np.polyval(np.polyfit(at, values, 2), at[near])))
 
 
 def _waves(smooth: Array, least: float) -> list[float]:

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
 from tests.bench.mismatch_fleet import KINDS, settings
-from tests.bench.mismatch_plant import INTEGRATING, Floats, peak
+from tests.bench.mismatch_plant import INTEGRATING, Floats, Plant, peak
 from tests.bench.mismatch_shapes import SHAPES, Rng, log
 from tests.bench.mismatch_sim import Rig
 
@@ -64,6 +64,7 @@ class Upset:
     overshoot: float
     natural: float
     """Time in which the loop could answer [s]."""
+    plant: Plant
     second: float = -math.inf
     """Until when it was a step and nothing else [s]."""
 
@@ -112,6 +113,7 @@ def draw(shape: str, number: int, seed: int) -> Upset:
         math.nan if late or len(out) == 0 else float(out[-1] + 1) * rig.step * every,
         max(float(beyond[np.argmax(np.abs(true)) :].max()), 0.0) / abs(size),
         natural,
+        rig.plant,
         second + onset * rig.step,
     )
 

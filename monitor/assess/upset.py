@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor.contract.samples import Array
-from monitor.detect.event import SETTLED, ClosedEvent
+from monitor.detect.event import INTERRUPTED, SETTLED, TIMED_OUT, ClosedEvent
 
 STANDS_OUT_SD = 5.0
-"""Standard deviations of PV's noise that an upset must exceed to be recorded."""
+"""Standard deviations of PV's noise, and of the quiet error, that an upset must exceed to be recorded."""
 STANDS_OUT_RATIO = 2.5
 """Times the largest excursion of the quiet stretch before it: what a loop does all the time is no upset."""
+AFTER_PART, AFTER_SD = 4, 4.5
+"""Part of the event, its last, by whose standard deviation it is measured likewise: it lies still there."""
 BAND_SHARE, BAND_SD = 0.05, 4.0
 """PV is back when it stays within this share of the upset's size, or within so many standard deviations of the short
 average of a quiet error: the range of noise over some minutes."""
@@ -32,7 +34,8 @@ WIDTHS = (1, 3, 9, 27)
 LEAST_CURVED_POINTS = 5
 """Points from which a parabola describes the peak; fewer are averaged."""
 LEAST_SWINGS, SWING_RATIO = 5, 0.5
-"""Half waves from which the last three may not be above this share of the largest: that is an oscillation."""
+"""Half waves from which the last three may not be above this share of the largest: that is an oscillation. So are as
+many that did not come to rest in time."""
 SP_MOVED_SHARE = 0.02
 """Of the excursion, by which a set point that has moved ends what is looked at."""
 RINGS = 0.3
@@ -77,11 +80,9 @@ def measured(event: ClosedEvent) -> Upset | None:
         size = side * max(side * size, event.amplitude)
     points = _odd(sum(sides) // SMOOTHED_SHARE) if event.noise > 0.0 else 1
     smooth, band = _average(error, points), _band(event, size, points)
-    usual = float(np.max(np.abs(smooth[:quiet])))
-    stands_out = abs(size) >= max(
-        STANDS_OUT_SD * event.noise, STANDS_OUT_RATIO * usual, _noise_band(event, points)
-    )
-    if not stands_out or _oscillates(_waves(smooth[quiet:], _wave(event, size, points))):
+    waves = _waves(smooth[quiet:], _wave(event, size, points))
+    least = max(_usual(event, error, smooth, quiet), _noise_band(event, points))
+    if abs(size) < least or _oscillates(waves, event.state):
         return None
     onset = _onset(time, smooth, quiet, band)
     # what comes after a short peak may be slow: there is time to see it better
@@ -98,10 +99,21 @@ def measured(event: ClosedEvent) -> Upset | None:
         onset=onset,
         recovery=None if back is None else back - onset,
         overshoot=beyond / abs(size) if seen else None,
-        damping=_damping(
-            [abs(size), *(abs(wave) for wave in after if wave * side < 0.0 or wave is not after[0])]
-        ),
+        damping=_damping(abs(size), after[1:] if after and after[0] * side > 0.0 else after),
     )
+
+
+def _usual(event: ClosedEvent, error: Array, smooth: Array, quiet: int) -> float:
+    """Return the excursion from which an upset stands out of what the loop does before and after it [PV]."""
+    before = max(
+        STANDS_OUT_SD * max(event.noise, event.error_sd),
+        STANDS_OUT_RATIO * float(np.max(np.abs(smooth[:quiet]))),
+    )
+    if event.state == INTERRUPTED:
+        return before
+    # a loop that has been known for a short while may be more restless than it was thought to be
+    after = error[-max((len(error) - quiet) // AFTER_PART, 2) :]
+    return max(before, AFTER_SD * float(np.std(after)))
 
 
 def _noise_band(event: ClosedEvent, points: int) -> float:
@@ -208,9 +220,11 @@ def _waves(smooth: Array, least: float) -> list[float]:
     return [float(part[np.argmax(np.abs(part))]) for part in np.split(out, turns)]
 
 
-def _oscillates(waves: list[float]) -> bool:
+def _oscillates(waves: list[float], state: str) -> bool:
+    if len(waves) < LEAST_SWINGS:
+        return False
     sizes = np.abs(waves)
-    return len(waves) >= LEAST_SWINGS and float(np.median(sizes[-3:])) > SWING_RATIO * float(np.max(sizes))
+    return state == TIMED_OUT or float(np.median(sizes[-3:])) > SWING_RATIO * float(np.max(sizes))
 
 
 def _onset(time: Array, smooth: Array, quiet: int, band: float) -> float:
@@ -240,12 +254,12 @@ def _crossing(time: Array, size: Array, k: int, level: float) -> float:
     return float(time[k - 1] + share * (time[k] - time[k - 1]))
 
 
-def _damping(sizes: list[float]) -> float | None:
-    """Return the damping by the logarithmic decrement of half waves: zeta = d/sqrt(pi^2 + d^2).
+def _damping(size: float, after: list[float]) -> float | None:
+    """Return the damping by the logarithmic decrement of the half waves after the largest: d/sqrt(pi^2 + d^2).
 
-    The first is the upset's own: it counts where only one came after it.
+    The upset's own counts where only one came after it.
     """
-    free = sizes[1:] if len(sizes) > 2 else sizes
+    free = np.abs(after if len(after) > 1 else [size, *after])
     if len(free) < 2:
         return None
     decrement = -float(np.polyfit(np.arange(len(free)), np.log(free), 1)[0])

@@ -33,6 +33,9 @@ LEAST_DISTURBED_FIT = 0.98
 """The share of PV's variance that it must explain then: what is left is a seventh of the standard deviation."""
 LIKE_NOISE_SD = 1.3
 """Residuals up to this many standard deviations of the error when quiet are noise."""
+UNLIKE_NOISE_SD = 2.0
+"""Residuals above so many standard deviations of the error when quiet are no noise: a loop near instability, which
+amplifies it, leaves 1.5 after a true step."""
 STANDS_OUT_SD = 6.0
 """Standard deviations of the error when quiet that a step in noise must reach: coloured noise has its own
 shapes."""
@@ -77,7 +80,7 @@ TAIL_INTEGRAL_TIMES = 4.0
 def is_load_step(fit: Fit, event: ClosedEvent) -> bool:
     """Whether a step of the load explains enough to be reported; a verdict asks for more (`is_explained`)."""
     size = abs(event.amplitude)
-    if fit.leaves_more and fit.sigma > LIKE_NOISE_SD * event.error_sd and not is_explained(fit, event):
+    if fit.leaves_more and fit.sigma > UNLIKE_NOISE_SD * event.error_sd and not is_explained(fit, event):
         return False
     rest = max(LIKE_NOISE_SD * event.error_sd, LOAD_REST_SHARE * size, ROUNDING_QUANTA * event.quantum)
     stands_out = size > REPORTED_LOAD_SD * event.short_sd

@@ -122,7 +122,8 @@ def log_line(record: Row) -> tuple[str, str]:
     when = clock(record.get("start"))[5:16]
     if "verdict" not in record:
         return f"{when} {name}: {kind} {plain(record.get('state', ''), 30)}", "INFO"
-    text = f"{when} {name}: {_verdict(record)}, {kind}, CI {number(record.get('ci'), 2)}"
+    index = "" if record.get("kind") == "disturbance" else f", CI {number(record.get('ci'), 2)}"
+    text = f"{when} {name}: {_verdict(record)}, {kind}{index}"
     if record.get("reason"):
         text += f" ({plain(record['reason'], 160)})"
     return text, "WARN" if record.get("verdict") == "retune" else "INFO"
@@ -243,7 +244,13 @@ def _event(record: Row) -> list[str]:
         "",
         f"{_kind(record).capitalize()} at {escape(clock(record.get('start')))} UTC,",
     ]
-    lines[-1] += f" size {number(record.get('amplitude'))} {unit}, CI {number(record.get('ci'), 2)},"
+    lines[-1] += f" size {number(record.get('amplitude'))} {unit},"
+    if record.get("kind") == "disturbance":
+        lines[-1] += f" back within {number(record.get('recovery'))} s,"
+        lines[-1] += f" overshoot {number(_percent(record.get('overshoot')))} %,"
+        lines[-1] += f" damping {number(record.get('damping'), 2)}."
+        return lines
+    lines[-1] += f" CI {number(record.get('ci'), 2)},"
     lines[-1] += f" model explains {number(_percent(record.get('fit')), 3)} % of PV."
     return lines
 

@@ -12,9 +12,9 @@ from monitor.detect.event import INTERRUPTED, SETTLED, TIMED_OUT, ClosedEvent
 
 STANDS_OUT_SD = 5.0
 """Standard deviations of PV's noise, and of the quiet error, that an upset must exceed to be recorded."""
-STANDS_OUT_RATIO = 2.5
+STANDS_OUT_RATIO = 1.5
 """Times the largest excursion of the quiet stretch before it: what a loop does all the time is no upset."""
-AFTER_PART, AFTER_SD = 4, 4.5
+AFTER_PART, AFTER_SD, LEAST_AFTER_POINTS = 4, 4.5, 8
 """Part of the event, its last, by whose standard deviation it is measured likewise: it lies still there."""
 BAND_SHARE, BAND_SD = 0.05, 4.0
 """PV is back when it stays within this share of the upset's size, or within so many standard deviations of the short
@@ -112,8 +112,12 @@ def _usual(event: ClosedEvent, error: Array, smooth: Array, quiet: int) -> float
     if event.state == INTERRUPTED:
         return before
     # a loop that has been known for a short while may be more restless than it was thought to be
-    after = error[-max((len(error) - quiet) // AFTER_PART, 2) :]
-    return max(before, AFTER_SD * float(np.std(after)))
+    after = error[-max((len(error) - quiet) // AFTER_PART, LEAST_AFTER_POINTS) :]
+    at = np.linspace(-1.0, 1.0, len(after))
+    # the tail of an upset that came to rest is no restlessness
+    bow = np.polyval(np.polyfit(at, after, 2), at) if event.state == SETTLED else 0.0
+    rest = after - bow
+    return max(before, AFTER_SD * float(np.std(rest)))
 
 
 def _noise_band(event: ClosedEvent, points: int) -> float:

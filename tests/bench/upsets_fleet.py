@@ -41,6 +41,8 @@ START_S = 1_767_225_600.0
 BAND_SHARE, QUIET_SD = 0.05, 4.0
 """An upset is over when the error stays within this share of its size, or this many standard deviations of the error's
 short average when quiet."""
+TOUCHES, CLEAR_SHARE = (0.8, 1.25), 0.1
+"""Bands beside it, and the relative difference up to which a recovery does not depend on which it is."""
 BEGUN_SHARE = 0.01
 """Share of its size at which it has begun."""
 
@@ -61,6 +63,8 @@ class Upset:
     """When PV begins to move [s]."""
     over: float
     """When the error stays within the band [s]; NaN where it does not."""
+    clear: bool
+    """Whether that is so for a band that is somewhat wider or narrower, too: no half wave just touches it."""
     overshoot: float
     natural: float
     """Time in which the loop could answer [s]."""
@@ -95,9 +99,9 @@ def draw(shape: str, number: int, seed: int) -> Upset:
     true = pv[::every]
     size = float(true[np.argmax(np.abs(true))])
     band = max(BAND_SHARE * abs(size), QUIET_SD * float(np.std(short[50:])))
-    out = np.flatnonzero(np.abs(true) > band)
-    begun = np.flatnonzero(np.abs(true) > BEGUN_SHARE * abs(size))[0]
-    late = len(out) and out[-1] >= len(true) - 2
+    begun = int(np.flatnonzero(np.abs(true) > BEGUN_SHARE * abs(size))[0])
+    over, *others = (_over(true, band * factor) for factor in (1.0, *TOUCHES))
+    clear = all(abs((other - begun) / (over - begun) - 1.0) <= CLEAR_SHARE for other in others)
     moving = np.flatnonzero(np.abs(true) > 0.01 * abs(size))[-1]
     last = min(2 * int(moving) - quiet // every + 150, len(true))
     seen, op = rig.run(np.zeros(last * every), load[: last * every], (heard + moved)[: last * every])
@@ -109,13 +113,20 @@ def draw(shape: str, number: int, seed: int) -> Upset:
         _samples(rng, rig, seen[::every], op[::every]),
         noise,
         size,
-        float(begun) * rig.step * every,
-        math.nan if late or len(out) == 0 else float(out[-1] + 1) * rig.step * every,
+        begun * rig.step * every,
+        over * rig.step * every,
+        clear,
         max(float(beyond[np.argmax(np.abs(true)) :].max()), 0.0) / abs(size),
         natural,
         rig.plant,
         second + onset * rig.step,
     )
+
+
+def _over(error: Floats, band: float) -> float:
+    """Return the sample from which an error stays within a band; NaN where it does not, or never left it."""
+    out = np.flatnonzero(np.abs(error) > band)
+    return float(out[-1] + 1) if len(out) and out[-1] < len(error) - 2 else math.nan
 
 
 def _loop(rng: Rng, number: int) -> tuple[Rig, float]:

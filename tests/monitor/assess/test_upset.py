@@ -100,3 +100,14 @@ def test_what_is_cut_short_is_measured_as_far_as_seen() -> None:
     """Off at the end of the data: the size so far, and no recovery."""
     seen = measured(suspected(upset_loop(pulse, 0.02, n=ONSET + 30)))
     assert seen == Upset(seen.size, seen.onset, None, None, None) if seen else False
+
+
+def test_without_noise_and_in_steps() -> None:
+    """A simulated signal without noise, and one seen through a coarse transmitter."""
+    size, recovery = of_pure(pulse)
+    samples = upset_loop(pulse, 0.0)
+    for pv, rel in ((samples.pv, 0.01), (np.round(samples.pv / 0.1) * 0.1, 0.05)):
+        seen = measured(suspected(replace(samples, pv=pv)))
+        assert seen is not None
+        assert seen.size == pytest.approx(size, rel=rel)
+        assert seen.recovery == pytest.approx(recovery, rel=0.1)

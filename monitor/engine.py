@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.assess.event import Finding, assess_event
+from monitor.assess.disturbance import assess_disturbance
+from monitor.assess.event import assess_event
 from monitor.contract.evidence import Window
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import SETPOINT, Assessment, Event, LoopRow, Plan, Record, Suggestion, event_id
@@ -24,6 +25,7 @@ from monitor.detect.state import COUNTS, FATES
 from monitor.health.loop_health import by_exception, figures
 from monitor.health.measurement import compression_of
 from monitor.identify.direct import model_response
+from monitor.identify.fit import Fit
 from monitor.reporting.stage import Reporting
 from monitor.verdict.history import LoopHistory
 from monitor.verdict.in_force import InForce
@@ -68,7 +70,9 @@ class Engine:
         self._retired: Counter[str] = Counter()
         """What became of the samples of loops that are watched no more."""
         self.disturbances = 0
-        """Suspected load steps that no step explains."""
+        """Upsets that are no clean step."""
+        self.passed_over = 0
+        """Suspected load steps that no step explains, and that do not stand out of what the loop always does."""
 
     def add(self, loop: Loop) -> int:
         """Watch one more loop; return its row.
@@ -177,7 +181,7 @@ class Engine:
         return self.close() + self.assess()
 
     def _take(self, found: Found) -> list[Record]:
-        """Report openings and closings; a suspected load step is reported when it has proved to be one."""
+        """Report openings and closings; a suspected load step is reported when it is known what it was."""
         records: list[Record] = []
         for event in found:
             closed = event if isinstance(event, ClosedEvent) else None
@@ -224,7 +228,7 @@ class Engine:
         if dead_band is not None:
             event = replace(event, quantum=max(event.quantum, dead_band))
             if event.kind == LOAD_STEP and abs(event.amplitude) < SUSPECTED_LOAD_QUANTA * dead_band:
-                self.disturbances += 1
+                self.passed_over += 1
                 return []
         controller = in_force.extra_delay, in_force.contradiction
         made_up = compression_of(event.health["measurement"]) or 0.0
@@ -236,11 +240,10 @@ class Engine:
             reconstructed=1.0 if dead_band is not None else made_up,
         )
         if not finding.is_event:
-            self.disturbances += 0 if finding.is_tail else 1
-            return []
+            return [] if finding.is_tail else self._disturbed(event, history, dead_band)
         finding = history.add(finding)
         records: list[Record] = [] if finding.record.kind == SETPOINT else [_closing(finding.record)]
-        records += [finding.record, _window(event, finding)]
+        records += [finding.record, _window(event, finding.record, finding.fit)]
         standing = self._row(row, event.health, event.period, dead_band)
         history.verdict = standing.verdict
         if standing.new_kp is None:
@@ -250,6 +253,17 @@ class Engine:
             evidence = tuple(f.record.id for f in history.usable)
             records.append(Suggestion(row=standing, evidence=evidence))
         return records
+
+    def _disturbed(self, event: ClosedEvent, history: LoopHistory, dead_band: float | None) -> list[Record]:
+        """Record a suspected load step that no step explains, where it stands out."""
+        record = assess_disturbance(history.loop, event, history.model)
+        if record is None:
+            self.passed_over += 1
+            return []
+        self.disturbances += 1
+        record = history.add_disturbance(record)
+        history.verdict = self._row(event.row, event.health, event.period, dead_band).verdict
+        return [_closing(record), record, _window(event, record, None)]
 
     # -- the loop as it stands --------------------------------------------------------------------
 
@@ -329,19 +343,19 @@ class Engine:
 
 
 def _closing(record: Assessment) -> Event:
-    """Return the event of a load step that has proved to be one."""
+    """Return the event of a load step that has proved to be one, or of a disturbance."""
     return Event(**{name: getattr(record, name) for name in Event.__struct_fields__})
 
 
-def _window(event: ClosedEvent, finding: Finding) -> Window:
+def _window(event: ClosedEvent, record: Assessment, fit: Fit | None) -> Window:
     w = event.window
     return Window(
-        id=finding.record.id,
-        loop=finding.record.loop,
+        id=record.id,
+        loop=record.loop,
         onset=event.onset,
         time=event.onset + np.round(w.time * 1e9).astype(np.int64),
         sp=w.sp,
         pv=w.pv,
         op=w.op,
-        model=np.full(len(w), np.nan) if finding.fit is None else model_response(w, finding.fit),
+        model=np.full(len(w), np.nan) if fit is None else model_response(w, fit),
     )

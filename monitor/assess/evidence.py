@@ -40,6 +40,9 @@ LEAST_DISTURBED_FIT = 0.98
 """The share of PV's variance that it must explain then: what is left is a seventh of the standard deviation."""
 LIKE_NOISE_SD = 1.3
 """Residuals up to this many standard deviations of the error when quiet are noise."""
+UNLIKE_NOISE_SD = 2.0
+"""Residuals above so many standard deviations of the error when quiet are no noise: a loop near instability, which
+amplifies it, leaves 1.5 after a true step."""
 STANDS_OUT_SD = 6.0
 """Standard deviations of the error when quiet that a step in noise must reach: coloured noise has its own
 shapes."""
@@ -64,6 +67,9 @@ LOAD_REST_SHARE = 0.12
 """Residuals, as a share of the error's largest excursion, that do not speak against a load step."""
 ROUNDING_QUANTA = 0.5
 """Nor do residuals of half a step of a coarse PV, whose rounding they are."""
+BACK_SHARE, AT_REST_SHARE, NOT_TAKEN_SHARE = 0.2, 0.15, 0.3
+"""Share of the excursion within which PV is back; share of the event's end for which OP has come to rest (an event is
+at rest for its last third); share of a load that OP may not have taken over then: true steps leave up to 0.07."""
 REPORTED_LOAD_SD = 9.0
 """Standard deviations of the error's short average when quiet that such a load step must reach."""
 LEAST_ANSWER_SHARE = 0.05
@@ -83,9 +89,30 @@ TAIL_INTEGRAL_TIMES = 4.0
 def is_load_step(fit: Fit, event: ClosedEvent) -> bool:
     """Whether a step of the load explains enough to be reported; a verdict asks for more (`is_explained`)."""
     size = abs(event.amplitude)
+    if fit.leaves_more and fit.sigma > UNLIKE_NOISE_SD * event.error_sd and not is_explained(fit, event):
+        return False
     rest = max(LIKE_NOISE_SD * event.error_sd, LOAD_REST_SHARE * size, ROUNDING_QUANTA * event.quantum)
     stands_out = size > REPORTED_LOAD_SD * event.short_sd
-    return fit.quality >= LEAST_FIT or (fit.quality >= LEAST_LOAD_FIT and fit.sigma <= rest and stands_out)
+    explains = fit.quality >= LEAST_FIT or (
+        fit.quality >= LEAST_LOAD_FIT and fit.sigma <= rest and stands_out
+    )
+    return explains and taken_over(fit, event)
+
+
+def taken_over(fit: Fit, event: ClosedEvent) -> bool:
+    """Whether OP bears the load found, where PV has come back to rest (derived; true of any process and controller).
+
+    A process at rest where it was has the input that it had: OP has moved by as much as the load, the other way. After
+    a pulse, several steps or a load behind the process it has not.
+    """
+    back = event.state == SETTLED and abs(event.offset) <= BACK_SHARE * abs(event.amplitude)
+    if not back or event.saturated_time > 0.0 or fit.size is None:
+        return True
+    op, quiet = event.window.op, max(event.window.before // 2, 2)
+    rest = op[-max(round(AT_REST_SHARE * (len(op) - event.window.before)), 2) :]
+    by_chance = 3.0 * float(np.std(op[:quiet])) * math.sqrt(1.0 / quiet + 1.0 / len(rest))
+    moved = float(np.mean(rest) - np.mean(op[:quiet]))
+    return abs(moved + fit.size) <= max(NOT_TAKEN_SHARE * abs(fit.size), by_chance)
 
 
 def op_moved(fit: Fit, event: ClosedEvent) -> bool:

@@ -13,8 +13,8 @@ import msgspec
 from .evidence import Window
 
 GOOD, RETUNE, INCONCLUSIVE, NOT_ASSESSED = "good", "retune", "inconclusive", "not_assessed"
-SETPOINT, LOAD = "setpoint", "load"
-"""Kinds of event."""
+SETPOINT, LOAD, DISTURBANCE = "setpoint", "load", "disturbance"
+"""Kinds of event; a disturbance is an upset that is no clean step."""
 UNDECIDED = "undecided"
 """Kind of a process of which the data do not tell it."""
 WORST_FIRST = (RETUNE, INCONCLUSIVE, GOOD, NOT_ASSESSED)
@@ -44,7 +44,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     start: int
     end: int | None
     amplitude: float
-    """Ar [PV] of a set-point step, Ad [OP] of a load step."""
+    """Ar [PV] of a set-point step, Ad [OP] of a load step; largest excursion of PV of a disturbance, signed [PV]."""
 
 
 class Assessment(msgspec.Struct, frozen=True, kw_only=True):
@@ -84,6 +84,12 @@ class Assessment(msgspec.Struct, frozen=True, kw_only=True):
     """Gain by the running integrals alone, the fit's independent check."""
     t0_integrals: float | None = None
     """T0 by the running integrals alone [s]."""
+    recovery: float | None = None
+    """Of a disturbance: from its onset until PV stays where it was [s]; None where that was not seen."""
+    overshoot: float | None = None
+    """Of a disturbance: largest excursion to the other side, as a share of the amplitude."""
+    damping: float | None = None
+    """Of a disturbance: of the half waves that follow; None where there are none."""
 
 
 class LoopRow(msgspec.Struct, frozen=True, kw_only=True):
@@ -168,6 +174,8 @@ class LoopRow(msgspec.Struct, frozen=True, kw_only=True):
     """By how much OP comes later than its inputs were recorded [s]."""
     scan_seen: float | None = None
     """Execution period of the controller, where it is slower than the samples [s]."""
+    disturbances: int = 0
+    """Upsets that were seen and are no clean step."""
     overshoot: float | None = None
     """Predicted for today's settings on the model: share of the set-point step."""
     iae_setpoint: float | None = None

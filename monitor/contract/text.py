@@ -1,4 +1,4 @@
-"""Text from outside, made safe for a terminal, a log and a page; long text, cut."""
+"""Text from outside, made safe for a terminal, a log and a page; long text, cut; a time in words."""
 
 from __future__ import annotations
 
@@ -57,3 +57,17 @@ def escape(text: object, most: int = 200) -> str:
     LIC\-101 \<b\>
     """
     return _PUNCTUATION.sub(r"\\\1", plain(text, most))
+
+
+def duration(seconds: float) -> str:
+    """Say a time as one reads it off a clock.
+
+    Examples
+    --------
+    >>> duration(45.0), duration(600.0), duration(9000.0)
+    ('45 s', '10 min', '2.5 h')
+    """
+    for unit, size in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.2g} {unit}"
+    return f"{seconds:.2g} s" if seconds < 10.0 else f"{seconds:.0f} s"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -12,16 +13,28 @@ import numpy as np
 from monitor.advise.candidates import rule_mismatch
 from monitor.advise.evidence import Evidence
 from monitor.advise.suggestion import Advice, Withheld, advise, renewed
+from monitor.assess.disturbance import many_in_words
 from monitor.assess.event import Finding, model_fields
 from monitor.assess.evidence import is_wide
 from monitor.assess.predicted import NO_INDICES
 from monitor.assess.reference import model_of, settings_of
 from monitor.assess.tuning import current_sensitivity, indices_to_come, judge
 from monitor.contract.loops import Loop
-from monitor.contract.records import GOOD, INCONCLUSIVE, LOAD, RETUNE, SETPOINT, UNDECIDED, LoopRow, Plan
+from monitor.contract.records import (
+    GOOD,
+    INCONCLUSIVE,
+    LOAD,
+    RETUNE,
+    SETPOINT,
+    UNDECIDED,
+    Assessment,
+    LoopRow,
+    Plan,
+)
 from monitor.detect.event import EventWindow
 from monitor.identify.fit import Fit, combine, contradictory, same_process
 from monitor.identify.misfit import ModelError
+from tuners.models import Model
 
 from .in_force import InForce, change_in_words
 from .parts import Tuning, suggested
@@ -59,6 +72,10 @@ class LoopHistory:
     """Its settings of today."""
     findings: list[Finding] = field(default_factory=list)
     events: int = 0
+    """Set-point and load steps."""
+    disturbances: int = 0
+    largest: Assessment | None = None
+    """Of the disturbances."""
     tuning: Tuning = field(default_factory=Tuning)
     """What the events say."""
     verdict: str | None = None
@@ -101,11 +118,32 @@ class LoopHistory:
     def add(self, finding: Finding) -> Finding:
         """Add one event, and judge the loop anew; return the event, numbered."""
         self.events += 1
-        numbered = msgspec.structs.replace(finding.record, event=self.events)
+        numbered = msgspec.structs.replace(finding.record, event=self.events + self.disturbances)
         finding = replace(finding, record=numbered)
         self.findings = [*self.findings, finding][-MOST_FINDINGS:]
         self.tuning, self.standing = _judge(self)
         return finding
+
+    def add_disturbance(self, record: Assessment) -> Assessment:
+        """Add an upset that is no clean step; return it, numbered. It changes no verdict and no suggestion."""
+        self.disturbances += 1
+        record = msgspec.structs.replace(record, event=self.events + self.disturbances)
+        if self.largest is None or abs(record.amplitude) > abs(self.largest.amplitude):
+            self.largest = record
+        self.tuning = replace(self.tuning, **self.upsets())
+        return record
+
+    def upsets(self) -> dict[str, Any]:
+        """Return the parts of a tuning that tell of the disturbances."""
+        if self.largest is None:
+            return {}
+        return {"disturbances": self.disturbances, "upsets": many_in_words(self.disturbances, self.largest)}
+
+    @property
+    def model(self) -> Model | None:
+        """The process as the events show it; None where they show none."""
+        joint = _joint(self.usable)[0] if self.usable else None
+        return None if joint is None else model_of(joint)
 
     def retune(self, since: int, table: Loop | None = None) -> None:
         """Go over to new settings, in force from ``since`` [ns] on: the comparison of before and after begins.
@@ -196,6 +234,7 @@ def _judge(history: LoopHistory) -> tuple[Tuning, _Standing | None]:
     ci = tuple(_median([f.record.ci for f in seen if f.record.kind == kind]) for kind in (SETPOINT, LOAD))
     contradiction = history.in_force.contradiction
     tuning = Tuning(events=history.events, ci_setpoint=ci[0], ci_load=ci[1], contradiction=contradiction)
+    tuning = replace(tuning, **history.upsets())
     if not usable:
         last = history.findings[-1].record
         wait = f"none on this evidence; {_WAIT}"

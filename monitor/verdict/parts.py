@@ -12,6 +12,7 @@ from monitor.advise.suggestion import Advice
 from monitor.assess.reference import settings_of
 from monitor.contract.loops import Loop
 from monitor.contract.records import NOT_ASSESSED
+from monitor.contract.text import duration
 from tuners.blocks import BLOCKS
 from tuners.faceplate import fields_of
 from tuners.settings import FORMS, Settings
@@ -58,6 +59,10 @@ class Tuning:
     suggested: Suggested | None = None
     moves: str = ""
     """What became of the set point's moves, in words."""
+    disturbances: int = 0
+    """Upsets that are no clean step."""
+    upsets: str = ""
+    """What they were like, in words; empty where there were none."""
     contradiction: str = ""
     """In what the data contradict the settings of the table, or any linear controller; empty where they do not."""
 
@@ -101,22 +106,8 @@ def _watch(loop: Loop, new: Settings) -> str:
     if today is None:
         return ""
     ti = float(new.ti)
-    time = f" for {duration_said(WATCHED_INTEGRAL_TIMES * ti)}" if math.isfinite(ti) else ""
+    time = f" for {duration(WATCHED_INTEGRAL_TIMES * ti)}" if math.isfinite(ti) else ""
     return f"watch PV and OP{time} after the next step: if they go on swinging, go back to {_words(today)}"
-
-
-def duration_said(seconds: float) -> str:
-    """Say a time as one reads it off a clock.
-
-    Examples
-    --------
-    >>> duration_said(45.0), duration_said(600.0), duration_said(9000.0)
-    ('45 s', '10 min', '2.5 h')
-    """
-    for unit, size in (("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2.0 * size:
-            return f"{seconds / size:.2g} {unit}"
-    return f"{seconds:.2g} s" if seconds < 10.0 else f"{seconds:.0f} s"
 
 
 def _predicted(of: Predicted) -> dict[str, float | None]:

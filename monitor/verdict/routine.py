@@ -6,10 +6,9 @@ import math
 
 from monitor.assess.evidence import STANDS_OUT_SD
 from monitor.contract.loops import Loop
+from monitor.contract.text import duration
 from monitor.health.loop_health import Health
 from monitor.health.regulation import Regulation
-
-from .parts import duration_said
 
 LEAST_MOVING_SHARE = 0.05
 """Share of samples at which PV must move for its error to be the loop's."""
@@ -25,12 +24,12 @@ NOTHING_SEEN = "no set-point move and no upset was seen"
 STEP_SHOWS = "none; a set-point step shows how the loop is tuned"
 
 
-def routine(loop: Loop, health: Health, moves: str = "") -> tuple[str, str]:
+def routine(loop: Loop, health: Health, seen: str = "") -> tuple[str, str]:
     """Return reason and action for a loop without any step: how it regulates, as far as routine data say.
 
-    ``moves`` says what became of its set point's moves; empty where there were none.
+    ``seen`` says what was seen of moves and upsets; empty where there were none.
     """
-    seen = f"the set point made {moves}" if moves else NOTHING_SEEN
+    seen = seen or NOTHING_SEEN
     if health.pv_moving is not None and health.pv_moving < LEAST_MOVING_SHARE:
         rests = 1.0 - health.pv_moving
         why = "no flow, a frozen signal, or one that is stored on change"
@@ -55,19 +54,19 @@ def _regulates(loop: Loop, health: Health, found: Regulation) -> tuple[str, str]
     if _is_noise(health, found):
         return f"{size}: regulation leaves nothing to gain that this sampling shows", "none"
     if found.cycle is not None:
-        cycle = duration_said(found.cycle)
+        cycle = duration(found.cycle)
         return (
             f"{size}, and comes back every {cycle}: a cycle",
             "sample it faster, and find the cycle's source",
         )
-    dies = f"takes {duration_said(found.memory)} to die away"
+    dies = f"takes {duration(found.memory)} to die away"
     if math.isinf(found.memory):
-        dies = f"lasts longer than {duration_said(found.seen)}"
+        dies = f"lasts longer than {duration(found.seen)}"
     if math.isinf(found.tight_from):
         return f"{size}, and {dies}: slow, or disturbed", f"{_step(found)} shows which"
     if found.tight_from == 0.0:  # less than its noise, more than its movement: noise that comes and goes
         return f"{size}, and {dies}", STEP_SHOWS
-    pays = f"a tighter tuning pays only if the process's dead time is below {duration_said(found.tight_from)}"
+    pays = f"a tighter tuning pays only if the process's dead time is below {duration(found.tight_from)}"
     return (
         f"{size}, and {dies}: {pays}",
         f"none if the dead time is longer; else {_step(found)} shows the tuning",

@@ -38,6 +38,7 @@ def loop_row(in_force: InForce, tuning: Tuning, health: Health) -> LoopRow:
         flags=found.flags,
         events=tuning.events,
         setpoint_moves=tuning.moves,
+        disturbances=tuning.disturbances,
         ci_setpoint=tuning.ci_setpoint,
         ci_load=tuning.ci_load,
         ms=tuning.ms,

@@ -86,8 +86,14 @@ def conclude(tuning: Tuning, loop: Loop, health: Health) -> Conclusion:
         action = finer
     if tuning.verdict == NOT_ASSESSED:
         why = next(((said, b.action) for b, said in held if b.effect in (EXPLAINS, WORDS)), None)
-        reason, action = why or routine(loop, health, tuning.moves)
+        reason, action = why or routine(loop, health, _seen(tuning))
     return Conclusion(tuning.verdict, reason, action, flags, withheld=False)
+
+
+def _seen(tuning: Tuning) -> str:
+    """Say what was seen of a loop without any assessed event; empty where nothing was."""
+    moves = f"the set point made {tuning.moves}" if tuning.moves else ""
+    return "; ".join(filter(None, [moves, tuning.upsets]))
 
 
 def _over(tuning: Tuning, said: str) -> str:

@@ -23,6 +23,7 @@ TABLE_ROWS = 30
 _MODEL = (("gain", "gain μ"), ("t0", "T0"), ("dead_time", "dead time θ"), ("lag", "lag τ₁"))
 _SETTINGS = (("kp", "Kp", "OP/PV"), ("ti", "Ti", "s"), ("td", "Td", "s"), ("tf", "Tf", "s"))
 _PARALLEL = (("kp", "Kp", "OP/PV"), ("ki", "Ki", "OP/(PV s)"), ("kd", "Kd", "OP s/PV"))
+_KINDS = {"setpoint": "set-point step", "load": "load upset", "disturbance": "upset that is no clean step"}
 _VERDICTS = (("retune", "to retune"), ("inconclusive", "inconclusive"), ("good", "good"))
 
 
@@ -121,7 +122,8 @@ def log_line(record: Row) -> tuple[str, str]:
     when = clock(record.get("start"))[5:16]
     if "verdict" not in record:
         return f"{when} {name}: {kind} {plain(record.get('state', ''), 30)}", "INFO"
-    text = f"{when} {name}: {_verdict(record)}, {kind}, CI {number(record.get('ci'), 2)}"
+    index = "" if record.get("kind") == "disturbance" else f", CI {number(record.get('ci'), 2)}"
+    text = f"{when} {name}: {_verdict(record)}, {kind}{index}"
     if record.get("reason"):
         text += f" ({plain(record['reason'], 160)})"
     return text, "WARN" if record.get("verdict") == "retune" else "INFO"
@@ -135,7 +137,7 @@ def _verdict(row: Row) -> str:
 
 
 def _kind(record: Row) -> str:
-    return {"setpoint": "set-point step", "load": "load upset"}.get(str(record.get("kind")), "event")
+    return _KINDS.get(str(record.get("kind")), "event")
 
 
 def _why(row: Row) -> str:
@@ -236,13 +238,19 @@ def _model(row: Row) -> list[str]:
 
 
 def _event(record: Row) -> list[str]:
-    unit = {"setpoint": "PV", "load": "OP"}.get(str(record.get("kind")), "–")
+    unit = {"setpoint": "PV", "load": "OP", "disturbance": "PV"}.get(str(record.get("kind")), "–")
     lines = [
         "## Event shown",
         "",
         f"{_kind(record).capitalize()} at {escape(clock(record.get('start')))} UTC,",
     ]
-    lines[-1] += f" size {number(record.get('amplitude'))} {unit}, CI {number(record.get('ci'), 2)},"
+    lines[-1] += f" size {number(record.get('amplitude'))} {unit},"
+    if record.get("kind") == "disturbance":
+        lines[-1] += f" back within {number(record.get('recovery'))} s,"
+        lines[-1] += f" overshoot {number(_percent(record.get('overshoot')))} %,"
+        lines[-1] += f" damping {number(record.get('damping'), 2)}."
+        return lines
+    lines[-1] += f" CI {number(record.get('ci'), 2)},"
     lines[-1] += f" model explains {number(_percent(record.get('fit')), 3)} % of PV."
     return lines
 

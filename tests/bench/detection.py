@@ -5,7 +5,8 @@ kind, what misses its goal marked with ``!``. The defaults watch 100 loop-weeks 
 samples, in about half a minute on a core, and 200 loops with six known events each.
 
 An event is what the engine reports: an assessed set-point or load step. ``suspected`` counts load steps that were
-looked at, verified or not.
+looked at, verified or not; ``disturb.`` those of them that are reported as upsets that are no clean step, and may be as
+many as false load events.
 
 *Left alone* (plants and good PI and PID settings of `sim_plants.fleet`, integrating and self-regulating):
 
@@ -36,7 +37,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from monitor.contract.loops import LoopTable
-from monitor.contract.records import RETUNE, Assessment
+from monitor.contract.records import DISTURBANCE, RETUNE, Assessment
 from monitor.engine import Engine
 from sim_plants.loops import Simulation
 from sim_plants.specs import LoopSpec
@@ -60,8 +61,8 @@ CONDEMN = {
 }
 """Flags that no healthy loop may bear at the end."""
 HEAD = (
-    f"{'kind':11}{'loop-weeks':>11}{'suspected':>10}{'set point':>10}{'load':>8}{'retune':>8}{'flags':>8}"
-    f"{'precision':>11}{'recall':>9}{'onset':>8}{'s':>7}"
+    f"{'kind':11}{'loop-weeks':>11}{'suspected':>10}{'set point':>10}{'load':>8}{'disturb.':>10}"
+    f"{'retune':>8}{'flags':>8}{'precision':>11}{'recall':>9}{'onset':>8}{'s':>7}"
 )
 
 
@@ -73,8 +74,10 @@ class Outcome:
     weeks: float
     suspected: int
     assessments: list[Assessment]
+    """Of set-point and load steps."""
     specs: list[LoopSpec]
     seconds: float
+    disturbances: list[Assessment] = field(default_factory=list)
     flags: list[str] = field(default_factory=list)
     """Flags of `CONDEMN` that loops bear at the end, each with its loop."""
     wanted: int = 0
@@ -120,6 +123,7 @@ def watch(name: str, loops: int, weeks: float, seed: int) -> Outcome:
         whole.suspected += part.suspected
         whole.wanted += part.wanted
         whole.flags += part.flags
+        whole.disturbances += part.disturbances
         whole.assessments += part.assessments
         whole.matches += part.matches
     return whole
@@ -135,9 +139,11 @@ def _watch(name: str, kind: Kind, specs: list[LoopSpec], seconds: float, began: 
         found += [r for r in records if isinstance(r, Assessment)]
         at += part
     found += [r for r in engine.flush() if isinstance(r, Assessment)]
-    suspected = engine.disturbances + sum(a.kind == "load" for a in found)
+    suspected = engine.passed_over + sum(a.kind != "setpoint" for a in found)
     weeks = len(specs) * seconds / WEEK
-    outcome = Outcome(name, weeks, suspected, found, specs, time.perf_counter() - began)
+    steps = [a for a in found if a.kind != DISTURBANCE]
+    outcome = Outcome(name, weeks, suspected, steps, specs, time.perf_counter() - began)
+    outcome.disturbances = [a for a in found if a.kind == DISTURBANCE]
     outcome.flags = [
         f"{row.loop} {flag}" for row in engine.rows() for flag in CONDEMN.intersection(row.flags)
     ]
@@ -175,6 +181,8 @@ def table_line(o: Outcome) -> str:
     line = f"{o.kind:11}{o.weeks:11.1f}{o.suspected:10d}"
     line += cell(str(setpoints), not known and setpoints > 0, 10)
     line += cell(str(loads), loads > KINDS[o.kind].most_loads * o.weeks, 8)
+    upsets = len(o.disturbances)
+    line += cell(str(upsets), upsets > KINDS[o.kind].most_loads * o.weeks, 10)
     line += cell(str(len(o.retunes)), len(o.retunes) > 0, 8)
     line += cell(str(len(o.flags)), len(o.flags) > 0 and o.kind != "cycling", 8)
     for value, width in ((o.precision, 11), (o.recall, 9), (o.onset, 8)):
@@ -188,7 +196,7 @@ def describe(o: Outcome, most: int) -> str:
     lines = [
         f"  {a.loop} {a.kind} at {(a.start - 1_767_225_600_000_000_000) / 1e9:.1f} s: {a.amplitude:.3g}, fit {a.fit},"
         f" {a.state}, {a.verdict}"
-        for a in [*o.false("setpoint"), *o.false("load")][:most]
+        for a in [*o.false("setpoint"), *o.false("load"), *o.disturbances][:most]
     ]
     return "\n".join([*lines, *(f"  {flag}" for flag in wrong[:most])])
 

@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from monitor.contract.loops import Loop, LoopTable
+from tests.monitor.assess.test_upset import pulse, upset_loop
 from tests.monitor.service.tools import START, Bench, a_step, feed, one_loop
 from tests.support.bus import Question
 
@@ -166,3 +167,25 @@ def test_rows_of_an_earlier_run_are_answered(tmp_path):
         assert after[0][name] == before[0][name]
     assert after[0]["verdict"] != "not_assessed"
     b.store.close()
+
+
+def test_a_disturbance_is_published_kept_and_counted(bench):
+    """An upset that is no clean step: event, assessment and history of its own kind, and one in the status."""
+    b = bench(LoopTable([Loop(name="L", kp=2.0, ti=40.0)]))
+    s = upset_loop(pulse, 0.05)
+    rows = zip(s.sp.tolist(), s.pv.tolist(), s.op.tolist(), strict=True)
+    feed(
+        b,
+        [
+            ("plant/L", json.dumps({"t": START + k, "sp": sp, "pv": pv, "op": op}).encode())
+            for k, (sp, pv, op) in enumerate(rows)
+        ],
+    )
+    b.tick(5.0)
+    b.service.finish()
+    (found,) = b.assessments
+    assert found.kind == "disturbance"
+    kept = [json.loads(payload) for _, payload in b.store.assessments("plant/L")]
+    assert [(k["kind"], k["id"], k["ci"]) for k in kept] == [("disturbance", found.id, None)]
+    assert kept[0]["recovery"] == pytest.approx(found.recovery)
+    assert b.status()["disturbances"] == 1

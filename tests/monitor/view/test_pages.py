@@ -60,3 +60,14 @@ def test_page_shows_health_and_what_it_means(loop: Loop) -> None:
 )
 def test_number(value: float | None, text: str) -> None:
     assert pages.number(value) == text
+
+
+def test_a_disturbance_is_shown_with_its_own_figures(loop: Loop) -> None:
+    """Neither index nor model: how far, how long, beyond, ringing."""
+    figures = {"kind": "disturbance", "ci": None, "fit": None, "amplitude": -4.2}
+    upset = {**assessment(loop), **figures, "recovery": 720.0, "overshoot": 0.4, "damping": 0.15}
+    page = pages.loop_page(row(loop), upset)
+    assert "size -4.20 PV, back within 720 s, overshoot 40.0 %, damping 0.15." in page
+    text, _ = pages.log_line(upset)
+    assert "upset that is no clean step" in text
+    assert "CI" not in text.split("(")[0]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,7 +13,6 @@ from monitor.advise.evidence import Evidence
 from monitor.advise.suggestion import Advice, Withheld, advise, renewed
 from monitor.assess.disturbance import many_in_words
 from monitor.assess.event import Finding, model_fields
-from monitor.assess.evidence import is_wide
 from monitor.assess.predicted import NO_INDICES
 from monitor.assess.reference import model_of, settings_of
 from monitor.assess.tuning import current_sensitivity, indices_to_come, judge
@@ -32,11 +29,12 @@ from monitor.contract.records import (
     Plan,
 )
 from monitor.detect.event import EventWindow
-from monitor.identify.fit import Fit, combine, contradictory, same_process
+from monitor.identify.fit import Fit, combine, same_process
 from monitor.identify.misfit import ModelError
 from tuners.models import Model
 
 from .in_force import InForce, change_in_words
+from .joint import joint_of, narrow_together
 from .parts import Tuning, suggested
 from .plan import at_aim, part_of, plan_of
 from .speed import falls_short, indices
@@ -142,7 +140,7 @@ class LoopHistory:
     @property
     def model(self) -> Model | None:
         """The process as the events show it; None where they show none."""
-        joint = _joint(self.usable)[0] if self.usable else None
+        joint = joint_of(self.usable)[0] if self.usable else None
         return None if joint is None else model_of(joint)
 
     def retune(self, since: int, table: Loop | None = None) -> None:
@@ -179,7 +177,7 @@ class LoopHistory:
     def usable(self) -> list[Finding]:
         """Findings whose fit may carry a suggestion: by itself, or beside others."""
         wide = [f for f in self.findings if f.wide]
-        beside = any(f.usable for f in self.findings) or _narrow_together(wide)
+        beside = any(f.usable for f in self.findings) or narrow_together(wide)
         return [f for f in self.findings if f.usable or (f.wide and beside)]
 
     def evidence(self, joint: Fit) -> Evidence:
@@ -187,7 +185,7 @@ class LoopHistory:
         misfit = self._misfit()
         softened = None if self.plan is None or not self.under_way else self.plan.softened
         size = 0.0 if misfit is None else misfit.size
-        # one that does not know its gain says nothing of the kind, as in `_joint`
+        # one that does not know its gain says nothing of the kind, as in `joint_of`
         sure = [f for f in self.usable if f.usable] or self.usable
         others = [f.fit for f in sure if f.fit is not None and f.fit.process != joint.process]
         loads = all(f.record.kind == LOAD for f in self.usable)
@@ -240,11 +238,11 @@ def _judge(history: LoopHistory) -> tuple[Tuning, _Standing | None]:
         wait = f"none on this evidence; {_WAIT}"
         tuning = replace(tuning, verdict=INCONCLUSIVE, reason=last.reason, process=last.process, action=wait)
         return tuning, history.standing
-    joint, why = _joint(usable)
+    joint, why = joint_of(usable)
     newer = [f for f in usable if f.record.start >= history.retuned]
     if why and history.retuned and any(f.record.kind == SETPOINT for f in newer):
         # a set-point step since the last change corrects what was known before; loads may be of another shape each
-        joint, why = _joint(newer)
+        joint, why = joint_of(newer)
     if joint is not None:
         tuning = replace(tuning, process=joint.process, model=model_fields(joint))
     if joint is None or why:
@@ -265,32 +263,6 @@ def _judge(history: LoopHistory) -> tuple[Tuning, _Standing | None]:
     if tuning.verdict == RETUNE and (why := rule_mismatch(loop, joint.process)):
         tuning = replace(tuning, action=f"{tuning.action}; the rule {loop.rule} is not used: {why}")
     return tuning, standing
-
-
-def _narrow_together(wide: list[Finding]) -> bool:
-    """Whether events, of which none knows the gain well enough, know it together."""
-    joint, why = _joint(wide) if wide else (None, "")
-    return joint is not None and not why and not is_wide(joint)
-
-
-def _joint(usable: list[Finding]) -> tuple[Fit | None, str]:
-    """Put events into one model; beside it why that is no use, empty where it is. None: they have nothing in common.
-
-    Of two kinds of process the one that more events show is taken, the newer one of as many: the other one stays a
-    rival that a suggestion has to be safe for. An event that does not know its gain says nothing of the kind, where
-    others do.
-    """
-    every = [f.fit for f in usable if f.fit is not None]
-    sure = [f.fit for f in usable if f.usable and f.fit is not None]
-    kinds = Counter(f.process for f in sure or every)
-    most = max(every, key=lambda f: (kinds[f.process], every.index(f))).process
-    fits = [f for f in every if f.process == most]
-    if len({math.copysign(1, f.gain) for f in every}) > 1:
-        return None, "the events contradict each other in the sign of the gain"
-    joint = combine(fits)
-    if contradictory(fits, joint):
-        return joint, "the events contradict each other: their gains differ beyond chance"
-    return joint, ""
 
 
 def _contradiction(tuning: Tuning, reason: str) -> Tuning:

@@ -87,8 +87,9 @@ def conclude(tuning: Tuning, loop: Loop, health: Health) -> Conclusion:
         action = finer
     if tuning.verdict == NOT_ASSESSED:
         why = next(((said, b.action) for b, said in held if b.effect in (EXPLAINS, WORDS)), None)
+        marked = [said for b, said in held if b.effect == MARKS]
         reason, action = why or (
-            "no set-point or load step was seen",
+            "; ".join(("no set-point or load step was seen", *marked)),
             "none; a set-point step shows how the loop is tuned",
         )
     return Conclusion(tuning.verdict, reason, action, flags, withheld=False)

@@ -46,7 +46,7 @@ LED_SP_SHARE = 0.1
 SAME_PERIOD_RATIO = 2.0
 """Factor between a loop's own period and the one seen, up to which its settings may be the cause."""
 
-WITHHOLDS, EXPLAINS, MARKS, WORDS = "withholds", "explains", "marks", "words"
+WITHHOLDS, EXPLAINS, MARKS, WORDS = "withholds", "explains", "marks", "says"
 """What a branch does: overrules any verdict on the tuning (`inconclusive`); says why a loop was not assessed; only sets
 its flag; or is said beside the verdict, and says why a loop was not assessed."""
 

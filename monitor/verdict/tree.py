@@ -45,7 +45,7 @@ SLAVE_SP_SHARE = 0.5
 SAME_PERIOD_RATIO = 2.0
 """Factor between a loop's own period and the one seen, up to which its settings may be the cause."""
 
-WITHHOLDS, EXPLAINS, MARKS, WORDS = "withholds", "explains", "marks", "words"
+WITHHOLDS, EXPLAINS, MARKS, WORDS = "withholds", "explains", "marks", "says"
 """What a branch does: overrules any verdict on the tuning (`inconclusive`); says why a loop was not assessed; only sets
 its flag; or is said beside the verdict, and says why a loop was not assessed."""
 
@@ -86,7 +86,10 @@ def conclude(tuning: Tuning, loop: Loop, health: Health) -> Conclusion:
         action = finer
     if tuning.verdict == NOT_ASSESSED:
         why = next(((said, b.action) for b, said in held if b.effect in (EXPLAINS, WORDS)), None)
-        reason, action = why or routine(loop, health, _seen(tuning))
+        if why is None:
+            said, action = routine(loop, health, _seen(tuning))
+            why = "; ".join([said, *(mark for b, mark in held if b.effect == MARKS)]), action
+        reason, action = why
     return Conclusion(tuning.verdict, reason, action, flags, withheld=False)
 
 

@@ -102,13 +102,18 @@ def _back(upset: Upset, known: Reference | None) -> str:
         return "not seen to come back"
     if known is None:
         return f"back within {duration(upset.recovery)}"
-    times = f"{upset.recovery / known.unit:.2g} {known.name}"
+    times = f"{_figure(upset.recovery / known.unit)} {known.name}"
     if known.recovery is None:
         return f"back within {duration(upset.recovery)} ({times})"
-    beside = f"the reference loop takes {known.recovery / known.unit:.2g} after a load step"
+    beside = f"the reference loop takes {_figure(known.recovery / known.unit)} after a load step"
     if upset.recovery > CRAWLS_RATIO * known.recovery and not upset.rings:
         return f"crawls back within {duration(upset.recovery)}: {times}; {beside}"
     return f"recovered in {times} ({duration(upset.recovery)}; {beside})"
+
+
+def _figure(value: float) -> str:
+    """Write two digits, or all of those before the point."""
+    return f"{value:.2g}" if value < 10.0 else f"{value:.0f}"
 
 
 def _reference(loop: Loop, model: Model | None, period: float) -> Reference | None:

@@ -89,7 +89,8 @@ TAIL_INTEGRAL_TIMES = 4.0
 def is_load_step(fit: Fit, event: ClosedEvent) -> bool:
     """Whether a step of the load explains enough to be reported; a verdict asks for more (`is_explained`)."""
     size = abs(event.amplitude)
-    if fit.leaves_more and fit.sigma > UNLIKE_NOISE_SD * event.error_sd and not is_explained(fit, event):
+    noise = max(UNLIKE_NOISE_SD * event.error_sd, ROUNDING_QUANTA * event.quantum)
+    if fit.leaves_more and fit.sigma > noise and not is_explained(fit, event):
         return False
     rest = max(LIKE_NOISE_SD * event.error_sd, LOAD_REST_SHARE * size, ROUNDING_QUANTA * event.quantum)
     stands_out = size > REPORTED_LOAD_SD * event.short_sd

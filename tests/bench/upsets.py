@@ -15,7 +15,7 @@ The natural time is the half rule's dead time and lag. Of those above five stand
 
 ``recorded``: a row of kind `load` or `disturbance`. ``disturb.``: as a disturbance. ``load``: called a load step though
 none is: of the events of other shapes, those of kind `load` whose fit does not say that the load came through a lag or
-as a ramp (a first step that was over before the second change counts as one). ``misled``: of these, those with an
+as a ramp (one of several that the loop had settled after is a step). ``misled``: of these, those with an
 index by a model whose gain or T0 is wrong: the truth outside of its interval, and by more than a quarter; a short ramp
 or a quick lag looks like a step because it is nearly one. ``size``, ``recovery``: of the disturbances within 10 % of
 the simulation without noise; where an upset was recorded in parts, the largest size, and from the first onset to the
@@ -70,8 +70,12 @@ class Outcome:
         """Records that call a load step what is none."""
         if self.upset.shape == STEP:
             return []
-        ended = START_S + self.upset.second
-        return [r for r in self.records if r.id in self.plain and r.end * 1e-9 > ended]
+        return [r for r in self.records if r.id in self.plain and self._steps_in(r) != 1]
+
+    def _steps_in(self, r: Assessment) -> int:
+        """Count the load's steps in an event, whose onset may be estimated too late; 0 where it has none."""
+        first, last = r.start * 1e-9 - START_S - self.upset.natural, r.end * 1e-9 - START_S
+        return sum(first <= change < last for change in self.upset.changes)
 
     @property
     def misled(self) -> bool:

@@ -69,8 +69,8 @@ class Upset:
     natural: float
     """Time in which the loop could answer [s]."""
     plant: Plant
-    second: float = -math.inf
-    """Until when it was a step and nothing else [s]."""
+    changes: tuple[float, ...] = ()
+    """When the load stepped, where it is made of steps [s]."""
 
     @property
     def recovery(self) -> float:
@@ -87,7 +87,7 @@ def draw(shape: str, number: int, seed: int) -> Upset:
     onset = quiet - int(rng.integers(0, every))
     fine = MOST_SAMPLES * every + quiet
     seconds = (np.arange(fine) - onset) * rig.step
-    load, moved, second = _upset(rng, shape, seconds, natural)
+    load, moved, changes = _upset(rng, shape, seconds, natural)
     pv, _ = rig.copy().run(np.zeros(fine), load, moved)
     largest = float(np.abs(pv).max())
     noise = SPAN * log(rng, LEAST_NOISE, MOST_NOISE)
@@ -119,7 +119,7 @@ def draw(shape: str, number: int, seed: int) -> Upset:
         max(float(beyond[np.argmax(np.abs(true)) :].max()), 0.0) / abs(size),
         natural,
         rig.plant,
-        second + onset * rig.step,
+        tuple(change + onset * rig.step for change in changes),
     )
 
 
@@ -142,29 +142,27 @@ def _loop(rng: Rng, number: int) -> tuple[Rig, float]:
             return Rig(plant, law, step, SUBSTEPS), plant.theta + plant.lag
 
 
-def _upset(rng: Rng, shape: str, seconds: Floats, natural: float) -> tuple[Floats, Floats, float]:
-    """Return the load at the process input [OP] and what is added to PV, of any size; until when it is a step [s]."""
+def _upset(rng: Rng, shape: str, seconds: Floats, natural: float) -> tuple[Floats, Floats, tuple[float, ...]]:
+    """Return the load at the process input [OP] and what is added to PV, of any size; when it steps [s]."""
     past, zero = np.maximum(seconds, 0.0), np.zeros(len(seconds))
-    load, second = np.where(seconds >= 0, 1.0, 0.0), -math.inf
+    load, changes = np.where(seconds >= 0, 1.0, 0.0), [0.0]
     if shape == OUTPUT:
-        return zero, 1 - np.exp(-past / (natural * log(rng, 0.02, 3.0))), second
+        return zero, 1 - np.exp(-past / (natural * log(rng, 0.02, 3.0))), ()
     if shape == LAG:
         load = 1 - np.exp(-past / (natural * log(rng, 0.3, 5.0)))
     elif shape == RAMP:
         load = np.minimum(past / (natural * log(rng, 1.0, 10.0)), 1.0)
     elif shape == PULSE:
-        second = natural * log(rng, 0.5, 5.0)
-        load = load * (seconds < second)
+        changes.append(natural * log(rng, 0.5, 5.0))
+        load = load * (seconds < changes[1])
     elif shape == HALF_SINE:
         turn = past / (natural * log(rng, 1.0, 20.0))
         load = np.where(turn < 1.0, np.sin(math.pi * turn), 0.0)
     elif shape == SEVERAL:
-        at, second = 0.0, math.inf
         for _ in range(int(rng.integers(1, 4))):
-            at += natural * log(rng, 1.0, 8.0)
-            second = min(second, at)
-            load += np.where(seconds >= at, rng.uniform(0.3, 1.2) * rng.choice([-1, 1]), 0.0)
-    return load, zero, second
+            changes.append(changes[-1] + natural * log(rng, 1.0, 8.0))
+            load += np.where(seconds >= changes[-1], rng.uniform(0.3, 1.2) * rng.choice([-1, 1]), 0.0)
+    return load, zero, tuple(changes) if shape in {STEP, PULSE, SEVERAL} else ()
 
 
 def _table(rng: Rng, rig: Rig, name: str) -> Loop:

@@ -85,7 +85,7 @@ def test_what_does_not_stand_out_is_none() -> None:
     assert seen is not None
     assert measured(replace(event, noise=abs(seen.size) / 4.5)) is None
     w, quiet = event.window, event.window.before // 2
-    waves = np.where(np.arange(len(w)) < quiet, 0.5 * seen.size * np.sin(np.arange(len(w)) / 5.0), 0.0)
+    waves = np.where(np.arange(len(w)) < quiet, 0.8 * seen.size * np.sin(np.arange(len(w)) / 5.0), 0.0)
     assert measured(replace(event, window=replace(w, pv=w.pv + waves))) is None
 
 

@@ -42,7 +42,7 @@ from .evidence import (
     is_load_step,
     op_moved,
 )
-from .index import index, overshoot
+from .index import came_off_rest, index, overshoot
 from .predicted import NO_INDICES, Indices
 from .process import model_of_event, rivals
 from .reference import model_of, settings_of
@@ -58,6 +58,7 @@ RECONSTRUCTED_FLOOR_RATIO = 4.0
 """What the variances of a model's mismatch grow by then. What was drawn between two values that were kept, or held,
 follows no process: its error is neither noise nor the same at all times, and the residuals show a part of it only
 (measured on simulated fleets: without it, one true gain in ten lies outside of the interval)."""
+OFF_REST = "no index: PV was not at its set point when the load came"
 LOAD_BESIDE = "no index: a load came beside the set-point step, and the error is that one's, too"
 
 
@@ -165,8 +166,8 @@ def assess_event(
     if event.kind == SETPOINT_RAMP:
         reason = "; ".join(filter(None, [ramped or ramp_in_words(event), reason]))
     beside = trusted is not None and trusted.other is not None and not load
-    if verdict == INCONCLUSIVE and ci is None and beside and not (limited or doubts):
-        reason = LOAD_BESIDE
+    if verdict == INCONCLUSIVE and ci is None and not (limited or doubts):
+        reason = LOAD_BESIDE if beside else OFF_REST if load and came_off_rest(event) else reason
     said = verdict, "; ".join(filter(None, [shown.contradiction, reason]))
     finding = Finding(
         _record(loop, event, (fit, trusted), figures, said),

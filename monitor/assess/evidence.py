@@ -59,6 +59,8 @@ INTEGRALS_AGREE_LN = 0.25
 disturbance of a quarter of the step brings more, and can bend a fit by a factor of two at a quality of 0.98."""
 MOST_REST_ERROR_LN = 0.3
 """Error in ln gain from which the integrals are no check: under noise they lose to the drift of OP's rest."""
+MOST_REST_SHARE = 0.1
+"""Of the step, and of OP's integral, by which the rest that the integrals count from may be off."""
 MANY_UNCERTAIN_SHARE = 0.2
 """Share of an event's samples of uncertain quality from which that is said beside its figures."""
 LEAST_LOAD_FIT = 0.5
@@ -159,8 +161,18 @@ def by_integrals(event: ClosedEvent, fit: Fit | None) -> tuple[float | None, flo
     quiet = event.state == SETTLED and event.quiet and event.kind == SETPOINT_STEP
     if fit is None or fit.process != INTEGRATING or not quiet or fit.other is not None:
         return None, None
+    if not _began_at_rest(event):
+        return None, None
     gain, t0 = setpoint_integrals(event.amplitude, event.s1, event.s2, event.y1)
     return (gain, t0) if math.isfinite(gain) else (None, None)
+
+
+def _began_at_rest(event: ClosedEvent) -> bool:
+    """Whether the integrals count from where PV and OP were just before: else an upset is in the mean that they use."""
+    w, m = event.window, max(event.window.before, 1)
+    of_pv = abs(event.pv0 - float(np.mean(w.pv[:m]))) / abs(event.amplitude)
+    of_op = abs(event.op0 - float(np.mean(w.op[:m]))) * event.duration / max(abs(event.s1), 1e-300)
+    return max(of_pv, of_op) <= MOST_REST_SHARE
 
 
 def evidence_against(loop: Loop, event: ClosedEvent, fit: Fit | None, decided: bool) -> list[str]:

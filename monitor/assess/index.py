@@ -24,6 +24,8 @@ from .reference import (
 
 LEAST_ERROR_POINTS = 33
 """Points at which the response to a load is looked at until it can be answered."""
+MOST_OFF_REST_SHARE = 0.3
+"""Of a load's excursion, by which PV may be off its set point before: that is not the load's error."""
 BELOW_LEAST_SHARE = 0.9
 """Share of the least error that noise and the sampled integral may take off."""
 
@@ -42,12 +44,19 @@ def index(loop: Loop, event: ClosedEvent, fit: Fit) -> float | None:
         return _ramp_index(loop, event, fit)
     kind, size = (SETPOINT, event.amplitude) if fit.size is None else (LOAD, fit.size)
     found = index_on(loop, fit, (kind, size, event.iae - event.iae_noise), event.period)
-    if found is None or beats_dead_time(event, fit):
+    if found is None or beats_dead_time(event, fit) or (kind == LOAD and came_off_rest(event)):
         return None
     still_far = abs(event.offset) > 0.1 * abs(event.amplitude)
     if event.state != SETTLED and still_far and found >= loop.ci_min:
         return None
     return found
+
+
+def came_off_rest(event: ClosedEvent) -> bool:
+    """Whether PV was far from its set point when a load came: the error is that of something before, too."""
+    before = slice(0, max(event.window.before // 2, 1))
+    away = float(np.mean((event.window.sp - event.window.pv)[before]))
+    return abs(away) > MOST_OFF_REST_SHARE * abs(event.amplitude)
 
 
 def index_on(loop: Loop, fit: Fit, step: tuple[str, float, float], period: float) -> float | None:

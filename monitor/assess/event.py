@@ -150,9 +150,7 @@ def assess_event(
     shown = model_of_event(loop, event)
     fit = None if shown.fit is None else _widened(replace(shown.fit, extra_delay=extra_delay), reconstructed)
     shown, decided = shown._replace(fit=fit), shown.decided
-    tail = (
-        load and event.since_start < TAIL_PERIODS * event.period and is_tail(event.window, fit, event.period)
-    )
+    tail = load and _is_tail(event, fit)
     against = evidence_against(loop, event, fit, decided)
     # figures of a model that does not explain the event would only mislead
     trusted = fit if fit is not None and decided and is_explained(fit, event) else None
@@ -163,11 +161,10 @@ def assess_event(
     doubts = [*against, contradiction] if contradiction else against
     figures = Figures(ci, ms, _predicted(loop, event, model, ci, ms), is_damped(event))
     verdict, reason = _said(loop, event, model, figures, doubts)
+    if verdict == INCONCLUSIVE and ci is None and not (limited or doubts):
+        reason = _why_no_index(event, trusted) or reason
     if event.kind == SETPOINT_RAMP:
         reason = "; ".join(filter(None, [ramped or ramp_in_words(event), reason]))
-    beside = trusted is not None and trusted.other is not None and not load
-    if verdict == INCONCLUSIVE and ci is None and not (limited or doubts):
-        reason = LOAD_BESIDE if beside else OFF_REST if load and came_off_rest(event) else reason
     said = verdict, "; ".join(filter(None, [shown.contradiction, reason]))
     finding = Finding(
         _record(loop, event, (fit, trusted), figures, said),
@@ -190,6 +187,19 @@ def assess_event(
         return finding
     misfit = model_error(event.window, fit, event.noise)
     return replace(finding, rivals=rivals(event, shown), misfit=misfit)
+
+
+def _is_tail(event: ClosedEvent, fit: Fit | None) -> bool:
+    """Whether a suspected load is the tail of what was before the loop began."""
+    fresh = event.since_start < TAIL_PERIODS * event.period
+    return fresh and is_tail(event.window, fit, event.period)
+
+
+def _why_no_index(event: ClosedEvent, fit: Fit | None) -> str:
+    """Say what else is in an event's error; empty where nothing is known to be."""
+    if event.kind == LOAD_STEP:
+        return OFF_REST if came_off_rest(event) else ""
+    return LOAD_BESIDE if fit is not None and fit.other is not None else ""
 
 
 def _predicted(

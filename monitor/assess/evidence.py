@@ -50,8 +50,9 @@ NOISY_RANGE_SHARE = 0.015
 """Residuals, as a share of PV's range, from which the direct fit's bias outweighs the mismatch of the indirect one."""
 WIDEST_GAIN_RATIO = 2.0
 """Ratio of the ends of the gain's 95 % interval above which no verdict and no suggestion rests on it."""
-WIDEST_T0_RATIO = 2.5
-"""Likewise of T0's interval after a ramp: the slower it is, the less PV's lag behind OP stands out of the noise."""
+WIDEST_DEAD_TIME_RATIO = 1.8
+"""Likewise of the dead time's interval after a ramp: the slower it is, the less PV's lag behind OP stands out of the
+noise, and Ms and the reference's error go with the dead time and its square."""
 WIDE_GAIN = "the gain is known only to lie in"
 """How it begins to be said that the interval is too wide."""
 INTEGRALS_AGREE_LN = 0.25
@@ -277,10 +278,10 @@ def _against_fit(loop: Loop, event: ClosedEvent, fit: Fit, decided: bool) -> lis
         reasons.append(
             f"the fit's gain is {fit.gain:.3g}, that of the integrals {gain:.3g}: something else moved PV meanwhile"
         )
-    slowest, quickest = fit.interval("t0")[::-1]
-    if event.kind == SETPOINT_RAMP and slowest > WIDEST_T0_RATIO * quickest:
+    least, most = fit.interval("dead_time")
+    if event.kind == SETPOINT_RAMP and most > WIDEST_DEAD_TIME_RATIO * least:
         reasons.append(
-            f"so slow a move does not show how fast the process answers (T0 in {quickest:.3g} ... {slowest:.3g} s)"
+            f"so slow a move does not show how fast the process answers (dead time in {least:.3g} ... {most:.3g} s)"
         )
     low, high = fit.interval("gain")
     if is_wide(fit):

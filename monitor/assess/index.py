@@ -59,17 +59,18 @@ def came_off_rest(event: ClosedEvent) -> bool:
     return abs(away) > MOST_OFF_REST_SHARE * abs(event.amplitude)
 
 
-def index_on(loop: Loop, fit: Fit, step: tuple[str, float, float], period: float) -> float | None:
+def index_on(loop: Loop, fit: Fit, happened: tuple[str, float, float], period: float) -> float | None:
     """Return the reference's IAE on a model over the one measured; None where none applies.
 
     Parameters
     ----------
-    step
-        Its kind, its size (PV of a set-point, OP of a load step), and the error that it left, without noise [PV s].
+    happened
+        A step: its kind, its size (PV of a set-point, OP of a load step), and the error that it left, without noise
+        [PV s].
     period
         Of the samples [s].
     """
-    kind, size, error = step
+    kind, size, error = happened
     model, structure = model_of(fit), reference_structure(loop)
     tc = closed_loop_time(loop, reduced(model, structure), period)
     try:

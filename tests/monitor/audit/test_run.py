@@ -78,7 +78,12 @@ def test_refinery(tmp_path: Path) -> None:
     result = run_audit([DATA / "refinery" / "data.csv"], DATA / "refinery" / "loops.csv", tmp_path)
     assert result.exit_code == 0
     assert result.counts["ok"] == result.counts["rows"] == 4506
-    assert {e.loop for e in result.events} == {"LIC30501", "FIC46002", "FIC90204"}
+    assert {e.loop for e in result.events} == {
+        "LIC30501",
+        "FIC46002",
+        "FIC90204",
+        "FIC40102B",
+    }  # the last a slave
     events = pq.read_table(tmp_path / "events.parquet")
     starts = dict(zip(events["loop"].to_pylist(), events["start"].cast("int64").to_pylist(), strict=True))
     # row 346 of 10 s samples

@@ -34,9 +34,8 @@ def test_the_unit_of_pv_does_not_matter(power, shift):
     scaled = replace(samples, sp=a * samples.sp + b, pv=a * samples.pv + b)
     one, other = asdict(look(run(samples))), asdict(look(run(scaled)))
     for figures in (one, other):
-        figures.update(figures.pop("regulation"))
-    one["error_sd"] *= a
-    for name in ("offset", "noise", "quantum", "mean_abs_e"):
+        figures.update(figures.pop("regulation") or {"error_sd": None})
+    for name in ("offset", "noise", "quantum", "mean_abs_e", "error_sd"):
         one[name] = None if one[name] is None else a * one[name]
     for name, value in one.items():
         if value is None or isinstance(value, bool):

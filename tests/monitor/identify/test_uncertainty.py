@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from monitor.detect.event import EventWindow
-from monitor.identify.correlation import correlation_time
 from monitor.identify.direct import fit_window
 from monitor.identify.fit import Fit
 from monitor.identify.uncertainty import beyond_noise, tangent_scatter
@@ -123,19 +122,6 @@ def test_more_noise_widens_the_intervals():
         assert fit is not None
         scatter.append(math.sqrt(fit.scatter[0, 0]))
     assert scatter[1] == pytest.approx(3 * scatter[0], rel=0.5)
-
-
-def test_correlation_time():
-    """1 for white noise, (1 + a)/(1 - a) for a first-order process, never more than an eighth of the data."""
-    rng = np.random.default_rng(0)
-    white = rng.normal(size=20_000)
-    assert correlation_time(white) == pytest.approx(1.0, abs=0.15)
-    coloured = np.zeros(20_000)
-    for k in range(1, 20_000):
-        coloured[k] = 0.8 * coloured[k - 1] + white[k]
-    assert correlation_time(coloured) == pytest.approx(9.0, rel=0.15)
-    assert correlation_time(np.zeros(100)) == 1.0
-    assert correlation_time(np.ones(80)) == 10.0
 
 
 def test_what_is_no_noise_counts_as_one_disturbance_along_a_parameter():

@@ -227,7 +227,7 @@ def test_what_is_worth_a_word_is_said_where_nothing_else_is():
     """A loop without a step, its output at the limit for a fifth of the time: the reason holds both."""
     loop = Loop(name="TIC-1", op_low=0.0, op_high=100.0)
     row = conclude(tuned(NOT_ASSESSED), loop, healthy(saturation=0.2))
-    assert row.reason == "no set-point or load step was seen; OP is at its limit for 20% of the time"
+    assert row.reason == "no set-point move and no upset was seen; OP is at its limit for 20% of the time"
     assert row.flags == ("saturated",)
 
 

@@ -28,7 +28,7 @@ LEAST_POINTS = 12
 
 
 def _rested(window: EventWindow) -> bool:
-    """Whether PV and OP stood still, but for noise, in the first half of what is before: a tail moves from the start."""
+    """Whether PV and OP stood still, but for noise, in the first half of what is before: a tail does not."""
     m = window.before // 2
     if m < REST_POINTS:
         return False

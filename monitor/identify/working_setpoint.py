@@ -32,7 +32,7 @@ class WorkingSetpoint(NamedTuple):
     """At which it goes the middle half of its way [PV/s]."""
 
 
-def working_setpoint(window: EventWindow, settings: Settings, step: float) -> WorkingSetpoint | None:
+def working_setpoint(window: EventWindow, settings: Settings, amplitude: float) -> WorkingSetpoint | None:
     """Return the set point that OP answers after a step of the recorded one; None where that is the recorded one.
 
     By the known settings of a PI, or P, controller: ``e(k) = (u(k) - u(k-1) + kp e(k-1))/(kp + ki h)``, and the set
@@ -41,7 +41,7 @@ def working_setpoint(window: EventWindow, settings: Settings, step: float) -> Wo
 
     Parameters
     ----------
-    step
+    amplitude
         Of the recorded set point [PV].
     """
     try:
@@ -52,7 +52,7 @@ def working_setpoint(window: EventWindow, settings: Settings, step: float) -> Wo
     kicks = standard.td == 0.0 and standard.b == 1.0 and math.isfinite(kp * ki) and kp != 0.0
     if not kicks or window.before < 2 or len(window) < window.before + LEAST_SAMPLES or _limited(window):
         return None
-    return _way_of(window, _answered(window, kp, ki), step)
+    return _way_of(window, _answered(window, kp, ki), amplitude)
 
 
 def _limited(window: EventWindow) -> bool:
@@ -61,11 +61,11 @@ def _limited(window: EventWindow) -> bool:
     return max(int(np.sum(op == np.max(op))), int(np.sum(op == np.min(op)))) > MOST_AT_EXTREME_SAMPLES
 
 
-def _way_of(window: EventWindow, sp: Array, step: float) -> WorkingSetpoint | None:
+def _way_of(window: EventWindow, sp: Array, amplitude: float) -> WorkingSetpoint | None:
     """Return how a set point goes from the old to the new recorded one; None where it does not, or does at once."""
     after = window.before
-    apart = np.abs(sp - window.sp) / abs(step)
-    way = (sp - window.sp[after - 1]) / step
+    apart = np.abs(sp - window.sp) / abs(amplitude)
+    way = (sp - window.sp[after - 1]) / amplitude
     gone = int(np.argmax(way[after:] > 1.0 - ALIKE_SHARE))
     known = np.max(apart[:after]) <= ALIKE_SHARE and np.mean(apart[-LEAST_SAMPLES:]) <= ALIKE_SHARE
     straight = np.min(way[after:]) >= -BEYOND_SHARE and np.max(way[after:]) <= 1.0 + BEYOND_SHARE

@@ -19,6 +19,7 @@ import zenoh
 from numpy.typing import NDArray
 
 from tests.support.plants import pi_loop
+from tests.support.waiting import heard
 
 Floats = NDArray[np.float64]
 EPOCH = int(datetime(2026, 3, 2, 8, 0, tzinfo=UTC).timestamp())
@@ -245,11 +246,7 @@ class FakeMonitor:
 
     def heard(self, key: str) -> bool:
         """Whether somebody listens to this key; he is known here a moment after he has begun."""
-        publisher = self.session.declare_publisher(f"loopsight/{key}")
-        try:
-            return bool(publisher.matching_status)
-        finally:
-            publisher.undeclare()
+        return heard(self.session, f"loopsight/{key}")
 
     def tell(self, loop: Loop) -> None:
         """Publish all that an assessed event gives."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import pytest
 
@@ -30,3 +30,12 @@ def free_port() -> int:
     with socket.socket() as s:
         s.bind(("127.0.0.1", 0))
         return int(s.getsockname()[1])
+
+
+def heard(session: Any, key: str) -> bool:
+    """Whether somebody listens to this key of Zenoh's; he is known here a moment after he has begun."""
+    publisher = session.declare_publisher(key)
+    try:
+        return bool(publisher.matching_status)
+    finally:
+        publisher.undeclare()

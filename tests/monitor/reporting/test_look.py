@@ -70,7 +70,7 @@ def test_op_that_jumps_with_the_set_point_tells_nothing():
 
 
 def test_rows_at_a_rate_do_not_come_by_exception():
-    """However alike the changes are, and though one row in ten is lost; nor does a PV that stands still."""
+    """However alike the changes are, and though one row in fifteen comes late; nor does a PV that stands still."""
     steps = np.ones(30)
     steps[::15] = 5.0
     assert look(rows(steps, banded(0.3)), 0) == (0, 0, 0.0)

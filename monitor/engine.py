@@ -46,6 +46,11 @@ class _Waiting(NamedTuple):
     """By which PV must change for a row to come, about [PV]; None where rows come at a rate."""
 
 
+MADE_UP_SHARE, MADE_UP_RATIO = 0.5, 5.0
+"""Share of PV's values that a historian made up, from which its noise is not seen; and times what is seen of it that an
+upset is measured by then: straight lines between kept points hide a swing as wide as the historian's deviation."""
+
+
 class Engine:
     """Watches the loops of a table.
 
@@ -240,6 +245,8 @@ class Engine:
             reconstructed=1.0 if dead_band is not None else made_up,
         )
         if not finding.is_event:
+            if made_up > MADE_UP_SHARE:
+                event = replace(event, error_sd=MADE_UP_RATIO * event.error_sd)
             return [] if finding.is_tail else self._disturbed(event, history, dead_band)
         finding = history.add(finding)
         records: list[Record] = [] if finding.record.kind == SETPOINT else [_closing(finding.record)]

@@ -44,7 +44,7 @@ from .evidence import (
 )
 from .index import came_off_rest, index, overshoot
 from .predicted import NO_INDICES, Indices
-from .process import model_of_event, rivals
+from .process import Shown, model_of_event, rivals
 from .reference import model_of, settings_of
 from .tuning import current_sensitivity, indices_to_come, judge
 
@@ -133,20 +133,18 @@ def assess_event(
     Parameters
     ----------
     loop
-        The loop's row; its settings are those in force during the event.
+        With the settings in force during the event.
     extra_delay
         Dead time that the controller adds to the process [s].
     contradiction
         In what the data contradict the settings; then there is no Ms and no verdict.
     thorough
-        Look at the other kind of process and the model's error even where the loop is good: a retune is under way.
+        A retune is under way: the other kind of process and the model's error count even where the loop is good.
     reconstructed
         Share of PV's values that a historian left out or made up, so far.
     """
     load = event.kind == LOAD_STEP
-    event, ramped = without_outliers(event), ""
-    if not contradiction:
-        event, ramped = as_worked_with(loop, event)
+    event, ramped = as_worked_with(loop, without_outliers(event), contradiction)
     shown = model_of_event(loop, event)
     fit = None if shown.fit is None else _widened(replace(shown.fit, extra_delay=extra_delay), reconstructed)
     shown, decided = shown._replace(fit=fit), shown.decided
@@ -163,16 +161,13 @@ def assess_event(
     verdict, reason = _said(loop, event, model, figures, doubts)
     if verdict == INCONCLUSIVE and ci is None and not (limited or doubts):
         reason = _why_no_index(event, trusted) or reason
-    if event.kind == SETPOINT_RAMP:
-        reason = "; ".join(filter(None, [ramped or ramp_in_words(event), reason]))
-    said = verdict, "; ".join(filter(None, [shown.contradiction, reason]))
+    said = verdict, "; ".join(filter(None, [shown.contradiction, ramped, reason]))
     finding = Finding(
         _record(loop, event, (fit, trusted), figures, said),
         fit,
         usable=fit is not None and not against,
         wide=fit is not None and len(against) == 1 and against[0].startswith(WIDE_GAIN),
-        is_event=not tail
-        and (not load or (fit is not None and is_load_step(fit, event) and op_moved(fit, event))),
+        is_event=not tail and (not load or _stepped(event, fit)),
         is_tail=tail,
         noise=event.noise,
         period=event.period,
@@ -183,10 +178,20 @@ def assess_event(
         predicted=figures.predicted,
     )
     thorough = thorough or verdict != GOOD or not figures.far_above(loop.ci_min)
-    if fit is None or not (finding.usable or finding.wide) or not thorough:
+    return _with_rivals(finding, event, shown) if thorough else finding
+
+
+def _with_rivals(finding: Finding, event: ClosedEvent, shown: Shown) -> Finding:
+    """Return a finding with the models that its event does not exclude, and with its own one's error."""
+    if finding.fit is None or not (finding.usable or finding.wide):
         return finding
-    misfit = model_error(event.window, fit, event.noise)
+    misfit = model_error(event.window, finding.fit, event.noise)
     return replace(finding, rivals=rivals(event, shown), misfit=misfit)
+
+
+def _stepped(event: ClosedEvent, fit: Fit | None) -> bool:
+    """Whether a suspected load has proved to be a step."""
+    return fit is not None and is_load_step(fit, event) and op_moved(fit, event)
 
 
 def _is_tail(event: ClosedEvent, fit: Fit | None) -> bool:
@@ -288,10 +293,15 @@ def _said(
     return verdict, reason
 
 
-def as_worked_with(loop: Loop, event: ClosedEvent) -> tuple[ClosedEvent, str]:
-    """Return a set-point step as the ramp that the controller's block makes of it, and how in words; else as it is."""
+def as_worked_with(loop: Loop, event: ClosedEvent, contradiction: str) -> tuple[ClosedEvent, str]:
+    """Return a set-point step as the ramp that the controller's block makes of it; else as it is. And a ramp in words.
+
+    Not where the data contradict the settings by which it is seen.
+    """
     settings = settings_of(loop)
-    if event.kind != SETPOINT_STEP or settings is None or event.thinned:
+    if event.kind == SETPOINT_RAMP:
+        return event, ramp_in_words(event)
+    if event.kind != SETPOINT_STEP or settings is None or event.thinned or contradiction:
         return event, ""
     working = working_setpoint(event.window, settings, event.amplitude)
     if working is None:

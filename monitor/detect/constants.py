@@ -64,7 +64,7 @@ LEAST_TURNS = 4
 """Turns from which it goes back and forth."""
 NEAR_WEIGHT = 1.0 / 32.0
 """Weight of a sample in what the error is like of late."""
-TOO_WIDE_RATIO = 9.0
+TOO_WIDE_RATIO = 25.0
 """Variance known over that of late, from which the noise known is that of an upset."""
 TOO_WIDE_LOOKS, TOO_WIDE_SAMPLES = 4, 2000
 """Looks in a row (`SNAPSHOT_SAMPLES` apart) after which it is learnt anew; quiet samples since the loop began, up to

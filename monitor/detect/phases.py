@@ -129,10 +129,10 @@ def _follow(s, time, dt, sp, pv):
         return follow_moving(s, time, sp)
     if s.phase == EVENT:
         event = s.event
-        if event.kind == LOAD_STEP:
+        load = event.kind == LOAD_STEP
+        if load and sp == s.last.sp:  # a set point's step is in the error, too
             event.amplitude = max(event.amplitude, abs(s.last.short_e - s.noise.now.mean_s))
         if moves_now(s, sp):
-            load = event.kind == LOAD_STEP
             least = STEP_STANDS_OUT_SD * event.noise if load else BESIDE_SHARE * abs(event.amplitude)
             if abs(sp - s.setpoint.level) > least:
                 end_event(s, 2, BY_STEP, time)

@@ -22,7 +22,7 @@ EXPLAINED_SHARE = 0.95
 it explained at most .56, of 30 tails .93 at least; what more lags leave of it looks like a load that came at once."""
 LEAST_EXPLAINED_SHARE = 0.8
 """The same for a tail in noise: what explains less is none, however little a step of the load explains."""
-REST_POINTS, REST_PARTS, REST_SHARE = 20, 4, 0.05
+REST_POINTS, REST_PARTS, REST_SHARE = 12, 4, 0.05
 """Points, parts of them, and share of all movement by which the parts' means may differ, for a loop to be at rest."""
 LEAST_POINTS = 12
 

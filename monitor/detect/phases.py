@@ -139,8 +139,11 @@ def _follow(s, time, dt, sp, pv):
                 todo = cut_or_drop(s) | act.BEGIN
                 start_moving(s, time, sp)
                 return todo
-            s.setpoint.level = sp
-            s.moves.beside += 1
+            if (
+                s.last.sp == s.setpoint.level
+            ):  # a ramp's first steps are small: its level stays, until it is more
+                s.moves.beside += 1
+                s.setpoint.beside = 1
         if not has_settled(s, time, dt, sp - pv):
             return 0
         s.setpoint.moves = 0

@@ -70,7 +70,8 @@ def moves_now(s, sp):
     if sp != s.last.sp:
         return True
     s.setpoint.level = sp
-    s.moves.in_noise += 1
+    s.moves.in_noise += 1 - s.setpoint.beside
+    s.setpoint.beside = 0
     return False
 
 
@@ -80,6 +81,7 @@ def start_moving(s, time, sp):
     s.setpoint.came_from = s.setpoint.level
     s.setpoint.moves = s.setpoint.turns = 0
     s.setpoint.way = 0.0
+    s.setpoint.beside = 0
     note_move(s, time, sp)
 
 

@@ -97,6 +97,7 @@ SETPOINT_MOVES = np.dtype(
         ("pace", "f8"),  # mean time between its moves [periods]
         ("busy", "f8"),  # share of the samples at which it changes, of late
         ("jitter", "f8"),  # mean size of these changes [PV]
+        ("beside", "i8"),  # 1 where its last move went beside a far larger one
         ("turns", "i8"),  # times that it turned since it left its rest
         ("way", "f8"),  # its last move, up or down [PV]
         ("next_way", "i8"),  # good samples from which a set point that goes on moving gets a window again

@@ -56,6 +56,16 @@ def _read(path: Path) -> tuple[bytes, tuple[Path, ...]]:
     return hashlib.sha256(source).digest(), tuple(files)
 
 
+class _Index(caching.IndexDataCacheFile):  # type: ignore[misc]
+    """numba's index of what is kept, which names classes: one that is gone from the sources makes it an old one."""
+
+    def _load_index(self) -> Any:
+        try:
+            return super()._load_index()
+        except (AttributeError, ImportError):
+            return {}  # nothing is kept: all is compiled anew
+
+
 class _Kept(caching.FunctionCache):  # type: ignore[misc]  # numba has no types
     """numba's own way of keeping a function, which asks for the `fingerprint` too."""
 
@@ -63,9 +73,7 @@ class _Kept(caching.FunctionCache):  # type: ignore[misc]  # numba has no types
         super().__init__(function)
         locator = self._impl.locator
         stamp = locator.get_source_stamp(), fingerprint(Path(inspect.getfile(function)).resolve())
-        self._cache_file = caching.IndexDataCacheFile(
-            locator.get_cache_path(), self._impl.filename_base, stamp
-        )
+        self._cache_file = _Index(locator.get_cache_path(), self._impl.filename_base, stamp)
 
 
 def _compiler(**options: Any) -> Any:

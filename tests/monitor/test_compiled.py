@@ -112,3 +112,24 @@ def test_a_numba_that_is_switched_off_leaves_the_function(monkeypatch: pytest.Mo
         return x + 1
 
     assert compiled.jit(plus_one) is plus_one
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_class_that_is_gone_makes_what_was_kept_of_it_old(copied: Path, inside: bool) -> None:
+    """An index on disk names the classes of the arguments: one that was renamed, or its whole file, is no crash."""
+    caller, shape = copied / "monitor" / "caller.py", copied / "monitor" / "parts" / "shape.py"
+    record = "from typing import NamedTuple\nclass {name}(NamedTuple):\n    x: float\n"
+    calls = (
+        "from monitor.compiled import jit\nfrom monitor.parts.{file} import {name}\n"
+        "@jit\ndef kept(p):\n    return {factor} * p.x\n"
+        "def run(x):\n    return kept({name}(x))\nrun.stats = kept.stats\n"
+    )
+    shape.write_text(record.format(name="Old"))
+    caller.write_text(calls.format(file="shape", name="Old", factor=2))
+    assert run(copied) == (6.0, 0)
+    file = "shape" if inside else "form"
+    shape.unlink()
+    (shape.parent / f"{file}.py").write_text(record.format(name="New"))
+    caller.write_text(calls.format(file=file, name="New", factor=3))
+    assert run(copied) == (9.0, 0)
+    assert run(copied) == (9.0, 1)

@@ -19,6 +19,7 @@ from monitor.contract.evidence import Window
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import SETPOINT, Assessment, Event, LoopRow, Plan, Record, Suggestion, event_id
 from monitor.contract.samples import Samples
+from monitor.detect.constants import SUSPECTED_LOAD_QUANTA
 from monitor.detect.detector import Detector, Found
 from monitor.detect.event import BY_GAP, BY_SETTINGS, LOAD_STEP, ClosedEvent, Stretch
 from monitor.detect.state import COUNTS, FATES
@@ -34,9 +35,6 @@ from monitor.verdict.parts import Tuning
 from monitor.verdict.row import loop_row, says_new, worst_first
 from monitor.verdict.stale import LastSample, LastSamples
 
-SUSPECTED_LOAD_QUANTA = 2.5
-"""Dead bands that an excursion must reach to be a load step's: as for a transmitter's last bit."""
-
 
 class _Waiting(NamedTuple):
     """An event to be assessed, and what was known of its loop's rows when it closed."""
@@ -44,11 +42,6 @@ class _Waiting(NamedTuple):
     event: ClosedEvent
     dead_band: float | None
     """By which PV must change for a row to come, about [PV]; None where rows come at a rate."""
-
-
-MADE_UP_SHARE, MADE_UP_RATIO = 0.5, 5.0
-"""Share of PV's values that a historian made up, from which its noise is not seen; and times what is seen of it that an
-upset is measured by then: straight lines between kept points hide a swing as wide as the historian's deviation."""
 
 
 class Engine:
@@ -232,6 +225,7 @@ class Engine:
         row, in_force = event.row, history.in_force
         if dead_band is not None:
             event = replace(event, quantum=max(event.quantum, dead_band))
+            # a dead band is as coarse as a transmitter's last bit
             if event.kind == LOAD_STEP and abs(event.amplitude) < SUSPECTED_LOAD_QUANTA * dead_band:
                 self.passed_over += 1
                 return []
@@ -245,9 +239,7 @@ class Engine:
             reconstructed=1.0 if dead_band is not None else made_up,
         )
         if not finding.is_event:
-            if made_up > MADE_UP_SHARE:
-                event = replace(event, error_sd=MADE_UP_RATIO * event.error_sd)
-            return [] if finding.is_tail else self._disturbed(event, history, dead_band)
+            return [] if finding.is_tail else self._disturbed(event, history, made_up, dead_band)
         finding = history.add(finding)
         records: list[Record] = [] if finding.record.kind == SETPOINT else [_closing(finding.record)]
         records += [finding.record, _window(event, finding.record, finding.fit)]
@@ -261,9 +253,11 @@ class Engine:
             records.append(Suggestion(row=standing, evidence=evidence))
         return records
 
-    def _disturbed(self, event: ClosedEvent, history: LoopHistory, dead_band: float | None) -> list[Record]:
+    def _disturbed(
+        self, event: ClosedEvent, history: LoopHistory, made_up: float, dead_band: float | None
+    ) -> list[Record]:
         """Record a suspected load step that no step explains, where it stands out."""
-        record = assess_disturbance(history.loop, event, history.model)
+        record = assess_disturbance(history.loop, event, history.model, made_up)
         if record is None:
             self.passed_over += 1
             return []

@@ -18,6 +18,7 @@ from monitor.assess.reference import (
     reduced,
     reference_structure,
     settings_of,
+    structure_and_time,
 )
 from monitor.assess.tuning import MS_MARGIN_RATIO
 from monitor.contract.loops import Loop
@@ -122,8 +123,7 @@ def advise(
     if loop.objective == "averaging":
         return _averaging(limits, guards, fit)
     model = model_of(fit)
-    structure = reference_structure(loop)
-    tc = closed_loop_time(loop, reduced(model, structure), period)
+    structure, tc = structure_and_time(loop, model, period)
     name = loop.rule if loop.rule and not rule_mismatch(loop, fit.process) else RULE[structure]
     ruled = WITHOUT_LEAD.get(structure, structure) if guards.lead_withheld else structure
     name = name if ruled == structure else RULE[ruled]
@@ -158,9 +158,9 @@ def renewed(
     found = way(limits, Guards.of(loop, limits.region, evidence, period), advice.aim, peaks)
     if isinstance(found, str):
         return None
-    model, structure = model_of(fit), reference_structure(loop)
+    model = model_of(fit)
+    structure, tc = structure_and_time(loop, model, period)
     (after,), before = predict(model, [found.now], settings_of(loop))
-    tc = closed_loop_time(loop, reduced(model, structure), period)
     ci = None if advice.ci is None else references_of(loop, fit, structure, tc).index(after)
     return _advice(limits, found, (advice.rule, advice.closed_loop_time), ci, before, after)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from monitor.identify.outliers import without_outliers
 from tuners.models import Model, SelfRegulatingModel
 from tuners.responses import closed_loop_response
 
+from .event import RECONSTRUCTED_SHARE
 from .evidence import coverage, how_it_ended
 from .reference import closed_loop_time, reduced, reference_settings, reference_structure
 from .upset import BAND_SHARE, Upset, measured
@@ -21,6 +23,9 @@ from .upset import BAND_SHARE, Upset, measured
 CRAWLS_RATIO = 3.0
 """Times what the reference loop takes after a load step, from which a loop crawls back. An upset that lasts makes any
 loop take longer, so this is no verdict."""
+MADE_UP_RATIO = 5.0
+"""Times the error when quiet that an upset is measured by where a historian made up most of PV: straight lines between
+kept points hide a swing as wide as its deviation."""
 NO_STEP = "an upset that is no clean step"
 
 
@@ -35,7 +40,9 @@ class Reference(NamedTuple):
     """Of the reference loop after a load step [s]; None where there is none."""
 
 
-def assess_disturbance(loop: Loop, event: ClosedEvent, model: Model | None = None) -> Assessment | None:
+def assess_disturbance(
+    loop: Loop, event: ClosedEvent, model: Model | None = None, reconstructed: float = 0.0
+) -> Assessment | None:
     """Record a suspected load step that no step explains; None where it does not stand out of what the loop does.
 
     Its verdict is `inconclusive` whatever it shows: the cause's shape is not known, so neither is what the loop's
@@ -47,8 +54,12 @@ def assess_disturbance(loop: Loop, event: ClosedEvent, model: Model | None = Non
         The loop's row, with the settings in force.
     model
         The process as other events of the loop show it.
+    reconstructed
+        Share of PV's values that a historian made up, so far.
     """
     event = without_outliers(event)
+    if reconstructed > RECONSTRUCTED_SHARE:
+        event = replace(event, error_sd=MADE_UP_RATIO * event.error_sd)
     upset = measured(event)
     if upset is None:
         return None

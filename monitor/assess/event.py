@@ -178,7 +178,7 @@ def assess_event(
         predicted=figures.predicted,
     )
     thorough = thorough or verdict != GOOD or not figures.far_above(loop.ci_min)
-    return _with_rivals(finding, event, shown) if thorough else finding
+    return _with_rivals(finding, event, shown) if thorough and finding.is_event else finding
 
 
 def _with_rivals(finding: Finding, event: ClosedEvent, shown: Shown) -> Finding:

@@ -13,14 +13,7 @@ from monitor.identify.fit import Fit
 from monitor.identify.response import STEP, load_of_shape
 from tuners.models import INTEGRATING
 
-from .reference import (
-    closed_loop_time,
-    model_of,
-    reduced,
-    reference_error_along,
-    reference_iae,
-    reference_structure,
-)
+from .reference import model_of, reference_error_along, reference_iae, structure_and_time
 
 LEAST_ERROR_POINTS = 33
 """Points at which the response to a load is looked at until it can be answered."""
@@ -71,8 +64,8 @@ def index_on(loop: Loop, fit: Fit, happened: tuple[str, float, float], period: f
         Of the samples [s].
     """
     kind, size, error = happened
-    model, structure = model_of(fit), reference_structure(loop)
-    tc = closed_loop_time(loop, reduced(model, structure), period)
+    model = model_of(fit)
+    structure, tc = structure_and_time(loop, model, period)
     try:
         best = reference_iae(kind, size, model, structure, tc, loop.b, loop.c)
     except ValueError:
@@ -82,12 +75,11 @@ def index_on(loop: Loop, fit: Fit, happened: tuple[str, float, float], period: f
 
 def _ramp_index(loop: Loop, event: ClosedEvent, fit: Fit) -> float | None:
     """Return the reference's IAE over the measured one for the set point's way; None where there was no rest before."""
-    w, model = event.window, model_of(fit)
-    structure = reference_structure(loop)
-    tc = closed_loop_time(loop, reduced(model, structure), event.period)
-    iae = event.iae - event.iae_noise
+    w, iae = event.window, event.iae - event.iae_noise
     if not w.rested or iae <= max(event.iae_noise, 0.0):  # a slow ramp's error drowns in the noise
         return None
+    model = model_of(fit)
+    structure, tc = structure_and_time(loop, model, event.period)
     try:
         best = reference_error_along(
             w.time[w.before :], w.sp[w.before :] - w.sp[0], model, structure, tc, loop.b, loop.c

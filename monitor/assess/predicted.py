@@ -11,14 +11,7 @@ from monitor.contract.records import LOAD, SETPOINT
 from tuners.models import Model
 from tuners.responses import step_figures
 
-from .reference import (
-    closed_loop_time,
-    reduced,
-    reference_iae,
-    reference_structure,
-    settings_of,
-    with_hold_delay,
-)
+from .reference import reference_iae, settings_of, structure_and_time, with_hold_delay
 
 Indices = tuple[float | None, float | None]
 """CI_sp and CI_ld; None where there is none."""
@@ -46,8 +39,7 @@ def predicted_indices(loop: Loop, model: Model, ms: float | None, period: float)
     settings = settings_of(loop)
     if settings is None or ms is None or math.isinf(ms):
         return NO_INDICES
-    structure = reference_structure(loop)
-    tc = closed_loop_time(loop, reduced(model, structure), period)
+    structure, tc = structure_and_time(loop, model, period)
     made = step_figures(with_hold_delay(model, period), settings, np.array([True]))
     found: list[float | None] = []
     for kind, iae in ((SETPOINT, float(made.iae_setpoint[0])), (LOAD, float(made.iae_load[0]))):

@@ -82,6 +82,12 @@ def closed_loop_time(loop: Loop, model: Model, period: float) -> float:
     return max(float(model.dead_time), LEAST_TC_PERIODS * period)
 
 
+def structure_and_time(loop: Loop, model: Model, period: float) -> tuple[str, float]:
+    """Return the structure of a loop's reference on a model, and its tc [s]."""
+    structure = reference_structure(loop)
+    return structure, closed_loop_time(loop, reduced(model, structure), period)
+
+
 def reference_settings(model: Model, structure: str, tc: FloatOrArray) -> Settings:
     """Return the reference rule's settings (series or standard form; the rule's own).
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,18 @@ QUALITY_GOOD = 192
 """OPC quality from which a sample counts as good."""
 QUALITY_UNCERTAIN = 64
 """OPC quality from which a sample is used, but counted as uncertain; below it is bad."""
+
+
+class Columns(NamedTuple):
+    """The columns of N samples as compiled functions take and give them; see `Samples`."""
+
+    loop: NDArray[np.int32]
+    time: NDArray[np.int64]
+    sp: Array
+    pv: Array
+    op: Array
+    auto: NDArray[np.bool_]
+    quality: NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -51,6 +63,10 @@ class Samples:
     def take(self, rows: Picked) -> Samples:
         """Return the samples of these rows (index array, mask or slice)."""
         return Samples(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    def columns(self) -> Columns:
+        """Return the columns, not copied."""
+        return Columns(*(getattr(self, name) for name in Columns._fields))
 
     @classmethod
     def of(

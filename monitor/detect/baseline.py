@@ -215,12 +215,3 @@ def await_baseline(s):
     """Wait for a new baseline; what is known of the noise stays."""
     s.phase = WARMING
     s.baseline.n = 0
-
-
-@jit
-def restart_settling(s, time):
-    """Begin anew to watch whether the error lies still."""
-    settling = s.settling
-    settling.since = time
-    settling.low = settling.high = s.last.short_e
-    settling.sum_e = settling.sum_t = 0.0

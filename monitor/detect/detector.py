@@ -24,7 +24,7 @@ from monitor.health.observe import HEALTH
 from . import kernel
 from .constants import RING_SAMPLES, SLOTS_OF_SAMPLE, TOO_LARGE, WINDOW_POINTS
 from .event import BY_END, CAUSES, LOAD_STEP, STATES, ClosedEvent, EventWindow, Opened, Stretch
-from .state import OPENED, OUT, PARAM, STATE, STRETCH, Batch, Stores
+from .state import OPENED, OUT, PARAM, STATE, STRETCH, Stores
 
 _T = TypeVar("_T", bound=np.generic)
 MOST_OUT = 256
@@ -134,7 +134,7 @@ class Detector:
     def run(self, samples: Samples) -> Found:
         """Take in samples; return what opened and closed, in the samples' order."""
         found: Found = []
-        batch = Batch(*(getattr(samples, name) for name in Batch._fields))
+        batch = samples.columns()
         at = 0
         while at < len(samples):
             self._make_room()

@@ -15,7 +15,6 @@ from .baseline import (
     load_step_suspected,
     relearn_noise,
     restart_loop,
-    restart_settling,
     short_weight,
     update_baseline,
 )
@@ -41,7 +40,7 @@ from .constants import (
 from .event import BY_GAP, BY_MODE, BY_STEP, LOAD_STEP, SETPOINT_STEP
 from .setpoint import come_to_rest, follow_jitter, follow_moving, moves_now, stands_out, start_moving
 from .state import CANDIDATE, EVENT, MOVING, QUIET
-from .window import add
+from .window import add, end_event, restart_settling
 
 
 @jit
@@ -139,9 +138,8 @@ def _follow(s, time, dt, sp, pv):
                 todo = cut_or_drop(s) | act.BEGIN
                 start_moving(s, time, sp)
                 return todo
-            if (
-                s.last.sp == s.setpoint.level
-            ):  # a ramp's first steps are small: its level stays, until it is more
+            # the level stays: a ramp's first steps are small, until together they are more
+            if s.last.sp == s.setpoint.level:
                 s.moves.beside += 1
                 s.setpoint.beside = 1
         if not has_settled(s, time, dt, sp - pv):
@@ -152,12 +150,6 @@ def _follow(s, time, dt, sp, pv):
         await_baseline(s)
         return act.DROP
     return come_to_rest(s, time, sp)
-
-
-@jit
-def end_event(s, state, cause, time):
-    """Note how, why and when an event ends."""
-    s.event.state, s.event.cause, s.event.end = state, cause, time
 
 
 @jit

@@ -28,6 +28,7 @@ from .constants import (
 )
 from .event import BY_MOVING, SETPOINT_RAMP
 from .state import MOVING, QUIET
+from .window import end_event
 
 
 @jit
@@ -209,9 +210,8 @@ def _window_again(s):
 @jit
 def _hand_on(s, time):
     """Hand out the window of a set point that goes on moving; return what to do."""
-    event = s.event
     s.setpoint.next_way = s.counts.ok + min(s.counts.ok, MOST_MOVING_SAMPLES * 8)
-    event.state, event.cause, event.end = 2, BY_MOVING, time
-    event.number += 1
+    end_event(s, 2, BY_MOVING, time)
+    s.event.number += 1
     s.moves.recorded += 1
     return act.CUT | act.GO_ON

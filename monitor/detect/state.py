@@ -73,7 +73,7 @@ NOISE = np.dtype(
         (
             "too_wide",
             "i8",
-        ),  # looks in a row at which the noise known was far wider than of late; -1: learnt anew
+        ),  # looks in a row at which what is known was far wider than of late; -1: learnt anew
         ("quantum", "f8"),  # least change of PV that was seen [PV]
         ("now", ERROR),
         ("older", ERROR),  # at the snapshot before the last
@@ -227,22 +227,3 @@ class Stores(NamedTuple):
     """(1,)"""
     out: NDArray[np.void]
     """(M,) dtype `OUT`: what opened and closed."""
-
-
-class Batch(NamedTuple):
-    """Columns of N samples, each loop's in the order of time; see `Samples`."""
-
-    loop: NDArray[np.int32]
-    """(N,) row of the loop."""
-    time: NDArray[np.int64]
-    """(N,) [ns since 1970]."""
-    sp: Array
-    """(N,) [PV]."""
-    pv: Array
-    """(N,) [PV]."""
-    op: Array
-    """(N,) [OP]."""
-    auto: NDArray[np.bool_]
-    """(N,)"""
-    quality: NDArray[np.uint8]
-    """(N,) OPC quality."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from monitor.compiled import jit
 
-from .baseline import quiet_sd, restart_settling, white_sd
+from .baseline import quiet_sd, white_sd
 from .constants import (
     COARSE_SAMPLES,
     LEAST_BEFORE_SAMPLES,
@@ -106,6 +106,21 @@ def _reach_back(s, stores, w, i, time):
         w[n, 1], w[n, 2], w[n, 3] = ring[i, j, 0], ring[i, j, 1], ring[i, j, 2]
         n += 1
     return n
+
+
+@jit
+def restart_settling(s, time):
+    """Begin anew to watch whether the error lies still."""
+    settling = s.settling
+    settling.since = time
+    settling.low = settling.high = s.last.short_e
+    settling.sum_e = settling.sum_t = 0.0
+
+
+@jit
+def end_event(s, state, cause, time):
+    """Note how, why and when an event ends."""
+    s.event.state, s.event.cause, s.event.end = state, cause, time
 
 
 @jit

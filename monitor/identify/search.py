@@ -142,11 +142,17 @@ def descend(w, start, free, weight, steps, close):
 
 
 @jit
+def seeks_onset(w):
+    """Whether a load's time is one of the parameters that are searched for."""
+    return w.kind >= 2 and w.shape != START
+
+
+@jit
 def _coarse(w, step, many):
     """Best parameters of a model with one lag on a coarse grid of ``many`` dead times and lags from ``step`` [s] on."""
     at, high = w.at, w.high
     r = np.empty(len(at))
-    sought = w.kind >= 2 and w.shape != START
+    sought = seeks_onset(w)
     onsets, starts = (6, 3) if sought else (1, 0)
     best, least = np.array([0.0, step, 0.0, at[0] if w.shape == START else 0.0, 0.0]), np.inf
     p = best.copy()
@@ -190,7 +196,7 @@ def moved(w, p, dead_time):
     q = p.copy()
     less = p[P_DEAD_TIME] - dead_time
     q[P_DEAD_TIME] = dead_time
-    if w.kind >= 2 and w.shape != START:
+    if seeks_onset(w):
         q[P_ONSET] = min(max(p[P_ONSET] + 0.9 * less, w.at[0]), w.high[P_ONSET])
     q[P_SHARE] = min(
         max(p[P_SHARE] + 0.7 * less / max(p[P_LAG], 1e-9 * w.high[P_LAG]), 0.005), MOST_SHARE - 0.01
@@ -206,7 +212,7 @@ def search(w, second):
     onset share what the data say; the valley is long, narrow and bent, and has false ends.
     """
     at = w.at
-    with_onset = w.kind >= 2 and w.shape != START
+    with_onset = seeks_onset(w)
     single = np.array([P_DEAD_TIME, P_LAG, P_ONSET]) if with_onset else np.array([P_DEAD_TIME, P_LAG])
     beside = np.array([P_LAG, P_SHARE, P_ONSET]) if with_onset else np.array([P_LAG, P_SHARE])
     every = (
@@ -263,7 +269,7 @@ def walk(w, start, stride, weight, scale):
     """
     beside = (
         np.array([P_LAG, P_SHARE])
-        if w.kind < 2 or w.shape == START
+        if not seeks_onset(w)
         else np.array([P_LAG, P_SHARE, P_ONSET])
         if w.shape == STEP
         else np.array([P_LAG, P_SHARE, P_ONSET, P_WIDTH])

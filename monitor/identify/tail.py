@@ -9,6 +9,7 @@ import numpy as np
 from monitor.detect.event import EventWindow
 from tuners.models import INTEGRATING, SELF_REGULATING
 
+from .direct import LEAST_POINTS
 from .fit import Fit
 from .projection import evaluate
 from .response import START
@@ -24,7 +25,6 @@ LEAST_EXPLAINED_SHARE = 0.8
 """The same for a tail in noise: what explains less is none, however little a step of the load explains."""
 REST_POINTS, REST_PARTS, REST_SHARE = 12, 4, 0.05
 """Points, parts of them, and share of all movement by which the parts' means may differ, for a loop to be at rest."""
-LEAST_POINTS = 12
 
 
 def _rested(window: EventWindow) -> bool:

@@ -15,17 +15,16 @@ One row of one loop at a time, in bounded memory a loop: nothing depends on how 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor.contract.loops import Loop
-from monitor.contract.samples import Samples
+from monitor.contract.samples import Columns, Samples
 
 from . import kernel
-from .state import HOLDING, MOST_HELD_ROWS, REPORTING, RING_ROWS, ROW, SEEN_ROWS, WATCHING, Columns
+from .state import HOLDING, MOST_HELD_ROWS, REPORTING, RING_ROWS, ROW, SEEN_ROWS, WATCHING
 
 OUT_ROWS = 1 << 16
 """Rows put out at a time: 3 MB."""
@@ -69,7 +68,7 @@ class Reporting:
 
     def run(self, samples: Samples) -> Iterator[Samples]:
         """Take in rows; return samples in pieces, to be used before the next: in each, what is known of loops holds."""
-        batch = Columns(*(getattr(samples, f.name) for f in fields(Samples)))
+        batch = samples.columns()
         at = kernel.passes(self.state, batch, 0)
         if at > 0:
             yield samples if at == len(samples) else samples.take(slice(0, at))
@@ -100,7 +99,7 @@ class Reporting:
         """Return the columns that rows are put out to; made when the first loop needs them."""
         if self._out is None:
             empty = Samples.of(loop=0, time=np.zeros(OUT_ROWS, np.int64), sp=0.0, pv=0.0, op=0.0)
-            self._out = Columns(*(getattr(empty, f.name) for f in fields(Samples)))
+            self._out = empty.columns()
         return self._out
 
     def _piece(self, n: int) -> Iterator[Samples]:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 RING_ROWS, SEEN_ROWS, NEXT_ROWS = 64, 32, 16
 """Most rows that wait; of them the last that are looked at together, and after how many more they are looked at again.
@@ -86,15 +83,3 @@ ROW = np.dtype(
     ]
 )
 """A row that waits, or is looked at."""
-
-
-class Columns(NamedTuple):
-    """Rows in columns, (N,) each, as the compiled functions take and give them."""
-
-    loop: NDArray[np.int32]
-    time: NDArray[np.int64]
-    sp: NDArray[np.float64]
-    pv: NDArray[np.float64]
-    op: NDArray[np.float64]
-    auto: NDArray[np.bool_]
-    quality: NDArray[np.uint8]

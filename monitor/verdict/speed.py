@@ -7,7 +7,7 @@ import numpy as np
 from monitor.advise.prediction import predict, references_of
 from monitor.assess.event import Finding
 from monitor.assess.index import index_on
-from monitor.assess.reference import closed_loop_time, model_of, reduced, reference_structure, settings_of
+from monitor.assess.reference import model_of, settings_of, structure_and_time
 from monitor.contract.loops import Loop
 from monitor.contract.records import LOAD, SETPOINT
 from monitor.identify.fit import Fit
@@ -46,8 +46,8 @@ def falls_short(loop: Loop, joint: Fit, period: float) -> str:
     today = settings_of(loop)
     if today is None or loop.objective == "averaging":
         return ""
-    model, structure = model_of(joint), reference_structure(loop)
-    tc = closed_loop_time(loop, reduced(model, structure), period)
+    model = model_of(joint)
+    structure, tc = structure_and_time(loop, model, period)
     (now,), _ = predict(model, [today], None)
     for kind, best in references_of(loop, joint, structure, tc).of.items():
         if best.iae < SHORT_RATIO * loop.ci_min * now.iae[kind]:

@@ -10,10 +10,10 @@ import pytest
 
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import SETPOINT
-from monitor.contract.samples import QUALITY_GOOD, Samples
+from monitor.contract.samples import QUALITY_GOOD, Columns, Samples
 from monitor.engine import Engine
 from monitor.reporting import kernel
-from monitor.reporting.state import HOLDING, LATE_ROWS, PASSING, REPORTING, RING_ROWS, ROW, Columns
+from monitor.reporting.state import HOLDING, LATE_ROWS, PASSING, REPORTING, RING_ROWS, ROW
 from tests.monitor.reporting.tools import by_exception
 from tests.support.plants import START, pi_loop, times
 from tests.support.runs import run, sorted_records

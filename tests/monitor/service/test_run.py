@@ -92,7 +92,9 @@ SLOW = pytest.mark.slow
 )
 def test_live_over_zenoh_equals_batch(plant, expected, endpoint, tmp_path, payload, monkeypatch):
     """Disturbed within the window, in whatever batches the bus makes of it: the engine's records, bit by bit."""
-    monkeypatch.setattr("monitor.service.service.FINISH_S", PATIENCE)  # a busy machine assesses few events in 6 s
+    monkeypatch.setattr(
+        "monitor.service.service.FINISH_S", PATIENCE
+    )  # a busy machine assesses few events in 6 s
     loops, table, block = plant
     messages = messages_of(loops, block, payload)
     rng = np.random.default_rng(7)

@@ -177,8 +177,19 @@ class Decoder:
             return entries
         self.causes["bad_time"] += int(bad.sum())
         self.causes["future"] += int(future.sum())
+        self._complain_of_times("bad_time", entries[bad], "no time from 2 January 1970 on")
+        self._complain_of_times("future", entries[future], "ahead of this machine's clock")
         self.ahead.update(np.unique(entries["loop"][future]).tolist())
         return entries[~(bad | future)]
+
+    def _complain_of_times(self, cause: str, entries: Entries, why: str) -> None:
+        """Say once why samples are refused for their time, with the first loop of which it is seen."""
+        if len(entries) and (cause, "") not in self._complained:
+            self._complained.add((cause, ""))
+            first = entries[0]
+            name = self.loops[int(first["loop"])].name
+            stamp = f"{int(first['time']) * 1e-9:.3f} s since 1970"
+            self.refused.append((cause, name, f"{stamp} is {why}; so are others, all are counted"))
 
     def _single(self, message: Message, out: list[tuple[Any, ...]]) -> None:
         """Read a tag, a sample or settings."""

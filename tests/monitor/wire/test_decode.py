@@ -149,6 +149,19 @@ def test_times_that_are_none_and_the_future(t, cause):
     assert len(out) == (2 if cause is None else 0)
 
 
+def test_times_that_are_refused_are_said_once():
+    """With the first loop and its time: a replay whose times count from zero is no riddle."""
+    messages = [("plant/L1", b'{"pv":1,"t":0}'), ("plant/L2", b'{"pv":1,"t":4102444800}')]
+    _, decoder = decode(*messages)
+    said = {(cause, name): why for cause, name, why in decoder.refused}
+    assert said["bad_time", "L1"].startswith("0.000 s since 1970 is no time from 2 January 1970 on")
+    assert "ahead of this machine's clock" in said["future", "L2"]
+    decode(*messages, decoder=decoder)
+    assert not decoder.refused
+    assert refused(decoder) == {"bad_time": 2, "future": 2}
+
+
+
 def test_large_payloads_rows_and_batches_are_refused():
     """By bytes, by rows, by the number of batches."""
     _, decoder = decode(("plant/L0", b" " * (MOST_PAYLOAD_BYTES + 1)))

@@ -24,8 +24,14 @@ WINDOW_POINTS = 1024
 OPENING_SAMPLES = 96
 """Samples of an event after which the last `RING_SAMPLES` are handed out, as they came: its window may be thinned by
 the end, and then shows little of the controller."""
-SLOTS_OF_SAMPLE = 3
-"""Windows that one sample may need: an event's and two stretches'."""
+BLOCK_SAMPLES, LEVEL_SAMPLES, LEVELS = 1024, 16, 2
+"""Values in a block in which a valve, a cycle or no answer is looked for; samples in an average of the next level, so
+that its block reaches over 16,384 of them; and levels."""
+LEAST_BLOCK_SAMPLES, LAST_BLOCK_SAMPLES = 256, 64
+"""Values without which a block that a gap or manual ends is let go; and one that ends with the data."""
+SLOTS_OF_SAMPLE, ROWS_OF_SAMPLE = 12, 14
+"""Windows that one sample may need, and rows of what is handed out: an event's, two stretches', and of blocks two that
+a gap ends, one so far, and up to seven where missing samples are filled and complete them."""
 MAX_GAP_PERIODS = 3.5
 """Above it nothing is integrated across (three periods and jitter)."""
 STEP_MOVES_SAMPLES = 5

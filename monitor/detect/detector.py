@@ -22,9 +22,9 @@ from monitor.contract.samples import Samples
 from monitor.health.observe import HEALTH
 
 from . import kernel
-from .constants import RING_SAMPLES, SLOTS_OF_SAMPLE, TOO_LARGE, WINDOW_POINTS
-from .event import BY_END, CAUSES, LOAD_STEP, STATES, ClosedEvent, EventWindow, Opened, Stretch
-from .state import OPENED, OUT, PARAM, STATE, STRETCH, Stores
+from .constants import BLOCK_SAMPLES, LEVELS, RING_SAMPLES, SLOTS_OF_SAMPLE, TOO_LARGE, WINDOW_POINTS
+from .event import BY_END, CAUSES, LOAD_STEP, STATES, Block, ClosedEvent, EventWindow, Opened, Stretch
+from .state import BLOCK, BUFFER, OPENED, OUT, PARAM, STATE, STRETCH, Stores
 
 _T = TypeVar("_T", bound=np.generic)
 MOST_OUT = 256
@@ -56,12 +56,14 @@ class Detector:
             ring_time=np.zeros((0, RING_SAMPLES), np.int64),
             coarse=np.zeros((0, RING_SAMPLES, 3)),
             coarse_time=np.zeros((0, RING_SAMPLES), np.int64),
+            blocks=np.zeros((0, LEVELS, BLOCK_SAMPLES, 3), np.float32),
             slab=np.zeros((0, WINDOW_POINTS, 4)),
             free=np.zeros(0, np.int64),
             n_free=np.zeros(1, np.int64),
             out=np.zeros(MOST_OUT, OUT),
         )
         self._stretches: list[Stretch] = []
+        self._blocks: list[Block] = []
         self.add(loops)
 
     @property
@@ -82,7 +84,7 @@ class Detector:
     def add(self, loops: list[Loop]) -> None:
         """Add rows for these loops, others untouched."""
         known, n = len(self.state), len(self.state) + len(loops)
-        grown = {name: _grown(getattr(self.stores, name), n) for name in ("param", *_PER_LOOP)}
+        grown = {name: _grown(getattr(self.stores, name), n) for name in ("param", "blocks", *_PER_LOOP)}
         self.stores = self.stores._replace(**grown)
         for row, loop in enumerate(loops, known):
             _fill(self.param[row], loop)
@@ -130,6 +132,7 @@ class Detector:
             getattr(self.stores, name)[row] = known[name]
         self.stores.slab[slot] = known["window"]
         self.state["window"]["slot"][row] = slot
+        self.state["buffer"][row] = np.zeros((), BUFFER)  # blocks are not handed on: they begin anew
 
     def run(self, samples: Samples) -> Found:
         """Take in samples; return what opened and closed, in the samples' order."""
@@ -147,10 +150,16 @@ class Detector:
         taken, self._stretches = self._stretches, []
         return taken
 
+    def take_blocks(self) -> list[Block]:
+        """Return the blocks handed out since this was last asked."""
+        taken, self._blocks = self._blocks, []
+        return taken
+
     def flush(self, loops: Iterable[int] | None = None, cause: int = BY_END) -> Found:
         """Close the open events of these rows (default: all) as interrupted, by default by the end of the data."""
         found: Found = []
-        for row in self.open_rows if loops is None else loops:
+        for row in np.flatnonzero(self.state["buffer"]["period"]) if loops is None else loops:
+            self._make_room()
             found += self._drain(kernel.flush(self.stores, row, cause))
         return found
 
@@ -182,6 +191,9 @@ class Detector:
                 found.append(Opened(*(out[name].item() for name in ("row", "number", "onset", "amplitude"))))
                 continue
             slot = int(out["slot"])
+            if out["what"] == BLOCK:
+                self._blocks.append(self._block(out, slot))
+                continue
             time, sp, pv, op = self.stores.slab[slot, : out["points"]].T.copy()
             self._free_slot(slot)
             rested = bool(out["quiet"]) or out["what"] == STRETCH or out["kind"] == LOAD_STEP
@@ -202,6 +214,13 @@ class Detector:
                 )
             )
         return found
+
+    def _block(self, out: np.void, slot: int) -> Block:
+        """Copy a block, and free its slot."""
+        sp, pv, op = self.stores.slab[slot, : out["points"], 1:].T.copy()
+        self._free_slot(slot)
+        facts = (out[name].item() for name in ("row", "number", "onset", "end", "period"))
+        return Block(*facts, sp, pv, op, bool(out["state"]))
 
 
 def _fill(row: np.void, loop: Loop) -> None:

@@ -13,7 +13,18 @@ from monitor.compiled import jit
 from . import act
 from .accept import accepted, follow_rate, keep_last, remember
 from .baseline import await_baseline
-from .constants import ALL_STRETCHES_SAMPLES, OPENING_SAMPLES, RING_SAMPLES, SLOTS_OF_SAMPLE, STRETCH_SAMPLES
+from .buffer import end_blocks, fill, hand_out_block
+from .constants import (
+    ALL_STRETCHES_SAMPLES,
+    LAST_BLOCK_SAMPLES,
+    LEAST_BLOCK_SAMPLES,
+    OPENING_SAMPLES,
+    RING_SAMPLES,
+    ROWS_OF_SAMPLE,
+    SLOTS_OF_SAMPLE,
+    STRETCH_SAMPLES,
+)
+from .event import BY_END
 from .phases import advance, end_early
 from .setpoint import go_on_moving
 from .state import STRETCH
@@ -29,8 +40,7 @@ def run(stores, batch, at):
     """
     n = 0
     for k in range(at, len(batch.time)):
-        # one sample closes one event, opens another, ends two stretches, and takes three slots, at most
-        if n + 4 > len(stores.out) or stores.n_free[0] < SLOTS_OF_SAMPLE:
+        if n + ROWS_OF_SAMPLE > len(stores.out) or stores.n_free[0] < SLOTS_OF_SAMPLE:
             return k, n
         i = batch.loop[k]
         s, p = stores.state[i], stores.param[i]
@@ -45,6 +55,7 @@ def run(stores, batch, at):
             append(s, stores.slab, time, sp, pv, op)
         if todo:
             n = apply_actions(todo, s, stores, n, i, time, sp, pv, op)
+        n = fill(s, stores, n, i, time, sp, pv, op, auto)
         keep_last(s, time, sp, pv, op, auto)
         s.clock.sp_missing_run = s.clock.sp_missing_run + 1 if missing else 0
         remember(s, stores, i, time, sp, pv, op)
@@ -65,6 +76,8 @@ def apply_actions(todo, s, stores, n, i, time, sp, pv, op):
     if todo & act.CONFIRM:
         n = confirm(s, stores.out, n, i, time, sp)
     if todo & (act.CUT | act.COMPLETE):
+        if s.buffer.levels[0].n >= LEAST_BLOCK_SAMPLES:
+            n = hand_out_block(s, stores, n, i, 0, True)
         await_baseline(s)
         n = close(s, stores.health[i], stores.out, n, i)
     if todo & (act.BEGIN | act.BEGIN_LOAD):
@@ -125,4 +138,4 @@ def flush(stores, i, cause):
         n = close(s, stores.health[i], stores.out, n, i)
     if todo:
         await_baseline(s)
-    return n
+    return end_blocks(s, stores, n, i, LAST_BLOCK_SAMPLES if cause == BY_END else LEAST_BLOCK_SAMPLES)

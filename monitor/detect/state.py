@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from monitor.contract.samples import Array
 from monitor.health.observe import HEALTH
 
+from .constants import LEVELS
+
 WARMING, QUIET, CANDIDATE, EVENT, MOVING = range(5)
 """Phases: without a baseline; at rest; a set point has begun to move; an event is open; a set point goes on moving."""
-OPENED, CLOSED, STRETCH = 1, 2, 3
+OPENED, CLOSED, STRETCH, BLOCK = 1, 2, 3, 4
 """What is handed out."""
 COUNTS = ("ok", "uncertain", "bad_value", "bad_quality", "duplicate", "conflict", "late")
 """What became of a sample; `ok` includes `uncertain`, `duplicate` includes `conflict`."""
@@ -157,6 +159,23 @@ POINTS = np.dtype(
         ("skipped", "i8"),  # samples since the last point
     ]
 )
+LEVEL = np.dtype(
+    [
+        ("n", "i8"),  # values in the block
+        ("start", "i8"),  # of its first value [ns since 1970]
+        ("origin", "f8", (3,)),  # its first SP, PV and OP [PV], [PV], [OP]
+    ]
+)
+BUFFER = np.dtype(
+    [
+        ("time", "i8"),  # of the last sample [ns since 1970]
+        ("period", "f8"),  # of the samples in the blocks [s]
+        ("clock", "f8"),  # time since the last value that is not yet one's own [s]
+        ("sums", "f8", (3,)),  # of SP, PV and OP in the average that fills [PV], [PV], [OP]
+        ("summed", "i8"),  # samples in them
+        ("levels", LEVEL, (LEVELS,)),
+    ]
+)
 STATE = np.dtype(
     [
         ("phase", "i8"),  # `WARMING` ... `MOVING`
@@ -173,6 +192,7 @@ STATE = np.dtype(
         ("event", OPEN_EVENT),
         ("settling", SETTLING),
         ("integrals", INTEGRALS),
+        ("buffer", BUFFER),
     ]
 )
 """A loop: its last sample, what is known of it when quiet, and its open event.
@@ -182,7 +202,7 @@ What every sample of a quiet loop touches stands first, beside each other: with 
 
 OUT = np.dtype(
     [
-        ("what", "i8"),  # `OPENED`, `CLOSED` or `STRETCH`
+        ("what", "i8"),  # `OPENED`, `CLOSED`, `STRETCH` or `BLOCK`
         ("row", "i8"),  # of the loop
         ("slot", "i8"),  # of its window
         ("points", "i8"),  # of its window
@@ -196,7 +216,7 @@ OUT = np.dtype(
     ]
 )
 """What the kernel hands out, in the units of `event.ClosedEvent`; an opening fills in only what `Opened` says, a
-stretch what `Stretch` says."""
+stretch and a block what `Stretch` and `Block` say."""
 
 
 class Stores(NamedTuple):
@@ -219,6 +239,8 @@ class Stores(NamedTuple):
     """(L, RING_SAMPLES, 3) every eighth sample, OP as the mean over all [PV], [PV], [OP]."""
     coarse_time: NDArray[np.int64]
     """(L, RING_SAMPLES) [ns since 1970]."""
+    blocks: NDArray[np.float32]
+    """(L, LEVELS, BLOCK_SAMPLES, 3) the blocks that fill, less their origin [PV], [PV], [OP]."""
     slab: Array
     """(S, WINDOW_POINTS, 4) windows of open events [s], [PV], [PV], [OP]."""
     free: NDArray[np.int64]

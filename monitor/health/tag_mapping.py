@@ -32,6 +32,9 @@ LEFT_SHARE = 0.2
 """Share of an SP move that is left then, below which the response is over before it is seen."""
 STAYED_SHARE = 0.5
 """Share of an SP move that must still be there when the rest of the error is looked at: else it was a glitch."""
+RESTED_SAMPLES, RESTED_SHARE = 10, 0.5
+"""Samples for which SP must have rested before such a move, and error before it as a share of the move at most: PV that
+still answers to the move before, or rolls, may be anywhere two samples later."""
 LEAST_STEPS = 3.0
 """Moves of SP without which this is not judged."""
 STEP_SD = 5.0
@@ -74,6 +77,7 @@ RUNNING: list[Any] = [
     ("e_mean", "f8"),  # [PV] of the mean before
     ("op_mean", "f8"),  # [OP]
     ("has_mean", "f8"),  # 1 if there is one
+    ("rested", "i8"),  # samples since SP moved
     ("wait", "i8"),  # samples until the answer to a move of SP is looked at
     ("step", "f8"),  # [PV] that move
     ("e_from", "f8"),  # [PV] error before it
@@ -108,11 +112,14 @@ def update(own, last, sp, pv, op):
             own.left += own.step * (e - own.e_from)
             own.step_squares += own.step * own.step
             own.steps += 1.0
+    own.rested += 1
     if sp != last.sp:
         own.sp_moves += 1.0
-        if own.wait == 0:
+        rested = own.rested > RESTED_SAMPLES and abs(before) < RESTED_SHARE * abs(sp - last.sp)
+        if own.wait == 0 and rested:
             own.step, own.e_from, own.wait = sp - last.sp, before, ANSWER_SAMPLES
             own.sp_to = sp
+        own.rested = 0
         if pv != last.pv and _rescaled(own, last, sp, pv, o):
             own.rescaled += 1.0
 

@@ -161,7 +161,6 @@ def test_times_that_are_refused_are_said_once():
     assert refused(decoder) == {"bad_time": 2, "future": 2}
 
 
-
 def test_large_payloads_rows_and_batches_are_refused():
     """By bytes, by rows, by the number of batches."""
     _, decoder = decode(("plant/L0", b" " * (MOST_PAYLOAD_BYTES + 1)))

@@ -65,9 +65,10 @@ def test_a_response_over_before_it_is_seen_is_undersampled(lag, coarse):
 
 
 def test_a_set_point_clicked_up_in_stages_is_not_answered_within_two_samples():
-    """PV that still moves towards the stage before, or rolls through the new set point, is no fast answer."""
-    sp = 50.0 + np.cumsum(
-        np.isin(np.arange(N) % 500, (300, 301, 304, 305)) * np.where(np.arange(N) % 1000 > 500, -1.0, 1.0)
-    )
-    slow = 50 + lfilter([0, 0.02], [1, -1.94, 0.96], sp - 50)
+    """PV that still moves towards the stages before the last, which is a small one, is no fast answer to that."""
+    at = np.arange(N) % 1000
+    up = np.select([at == 300, at == 301, at == 302], [2.0, 2.5, 0.5])
+    down = np.select([at == 800, at == 801, at == 802], [2.0, 2.5, 0.5])
+    sp = 50.0 + np.cumsum(up - down)
+    slow = 50 + lfilter([0, 0.06], [1, -0.94], sp - 50)
     assert not health(sp, slow, 30 + 0.5 * (sp - slow)).undersampled

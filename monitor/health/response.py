@@ -111,7 +111,7 @@ def no_response_of(
         if not (held or goes[i]):
             continue
         mean = float(np.mean(e[first:last]))
-        if _jumps(e[last - 1 :], mean):
+        if _jumps(e[last - 3 :], mean):
             return None
         way = 0.0 if held else float(u[last - 1] - u[first])
         kind: Kind = "held" if held else "slow_integral" if abs(way) < HARDLY_SHARE * op_span else "no_answer"

@@ -1,0 +1,237 @@
+"""Where in a record a swing of some period repeats itself, window by window of five cycles (compiled).
+
+The record is averaged over 1, 2, 4, ... samples, so that a cycle has 7 to 14 averages (from 4 at the finest). In a
+window of five cycles of a period, freed of mean and slope, the record is held against itself, shifted by whole and by
+half cycles: a swing is alike after a whole one and opposite after a half. Sums of products over any window are
+differences of two rows of a table of running sums, so that a window costs the same whatever its length.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor.compiled import jit
+
+Array = NDArray[np.float64]
+
+WINDOW_CYCLES = 5.0
+"""In a window: with fewer, noise of any colour looks regular too often."""
+PERIODS_AN_OCTAVE = 7
+"""Periods tried: a factor of 1.104; halfway between two, a swing is shifted by 10 % of its cycle after two."""
+FINEST_AVERAGES, COARSEST_AVERAGES = 3.9, 14.0
+"""Averages in a cycle: the fewest at the finest level, the most at any, half as many the fewest at the others."""
+LAGS = 32
+"""Columns of the table: two of the longest cycles, and a neighbour to interpolate, rounded up to whole vectors."""
+LEAST_SCORE = 0.6
+"""Score of a window that counts: 1 for a sine, 0 for noise, whose score over five cycles has a deviation of 0.1 to
+0.15."""
+GATE_ACF = LEAST_SCORE * 2.0 - 1.0
+"""Autocorrelation after a cycle below which the score cannot be reached, were half a cycle's -1."""
+GATE_SLACK = 0.1
+"""By which it is lowered for a lag rounded to whole averages."""
+CYCLE_SHARE = 0.3
+"""Least energy of each of the five cycles over their mean: what dies away or passes is no swing that lasts."""
+FULL_SHARE = 0.65
+"""Least mean size over the standard deviation: 0.9 for a sine, 0.87 for a sawtooth, 0.8 for noise, below 0.5 for the
+pulses that a set point's steps to and fro leave in the error of a good loop."""
+SETPOINT_TRAVEL = 1.0
+"""Way of the set point in a cycle, over the swing's amplitude, from which on the swing is taken for its answer: a
+set point that goes to and fro with the cycle travels twice its step, or four times its amplitude."""
+SAME_PERIOD_RATIO = 1.2
+"""Between periods of runs that are one oscillation: a limit cycle drifts that much."""
+RUN_COLUMNS = 7
+MOST_RUNS = 256
+"""Rows of results: runs of windows at one period. More than that in one record is noise."""
+
+
+def runs_of(error: Array, sp: Array) -> Array:
+    """Find the runs of windows that swing, at each period.
+
+    Parameters
+    ----------
+    error, sp : ndarray
+        (N,) samples of error and set point [PV].
+
+    Returns
+    -------
+    ndarray
+        (M, 7): first sample, one past the last, period [samples], windows, sums over them of score and of amplitude
+        [PV], and the number of the first run that is one oscillation with this one, by time and period.
+    """
+    n = len(error)
+    middle = np.arange(n) - 0.5 * (n - 1)
+    x = np.zeros((2, n + LAGS))
+    x[0, :n] = error - np.mean(error)
+    x[0, :n] -= middle * (x[0, :n] @ middle / (middle @ middle))  # lest sums be differences of large numbers
+    x[1, :n] = sp
+    out = np.empty((MOST_RUNS, RUN_COLUMNS))
+    return out[: _search(x, n, np.empty((4, n + 1)), np.empty((n + 1, LAGS)), out)]
+
+
+@jit
+def _search(x, n, line, products, out):
+    """Go through the levels of averaging and their periods; return the number of runs."""
+    count, width = 0, 1
+    while n >= WINDOW_CYCLES * (FINEST_AVERAGES if width == 1 else 0.5 * COARSEST_AVERAGES):
+        _sum_up(x, n, line, products)
+        for j in range(1, (2 if width == 1 else 1) * PERIODS_AN_OCTAVE + 1):
+            p = COARSEST_AVERAGES * 2.0 ** (-j / PERIODS_AN_OCTAVE)
+            if p >= FINEST_AVERAGES:
+                count = _look(x, n, line, products, p, width, out, count)
+        n //= 2
+        width *= 2
+        for row in range(2):
+            for i in range(n):
+                x[row, i] = 0.5 * (x[row, 2 * i] + x[row, 2 * i + 1])
+            for i in range(n, n + LAGS):
+                x[row, i] = 0.0
+    for i in range(count):
+        for k in range(i):
+            if _is_same(out, i, k):
+                _unite(out, count, i, k)
+    return count
+
+
+@jit
+def _is_same(out, i, k):
+    """Whether two runs overlap, or leave less than a cycle, at nearly the same period."""
+    longer, shorter = max(out[i, 2], out[k, 2]), min(out[i, 2], out[k, 2])
+    gap = max(out[i, 0], out[k, 0]) - min(out[i, 1], out[k, 1])
+    return longer <= SAME_PERIOD_RATIO * shorter and gap < shorter
+
+
+@jit
+def _unite(out, count, i, k):
+    """Give the runs of two groups the lower of their numbers."""
+    low, high = min(out[i, 6], out[k, 6]), max(out[i, 6], out[k, 6])
+    for j in range(count if high > low else 0):
+        if out[j, 6] == high:
+            out[j, 6] = low
+
+
+@jit
+def _sum_up(x, n, line, products):
+    """Sum, before each average, x, place times x, x squared, the set point's way; and x times x 0, 1, 2, ... later."""
+    for row in range(4):
+        line[row, 0] = 0.0
+    for lag in range(LAGS):
+        products[0, lag] = 0.0
+    for i in range(n):
+        v = x[0, i]
+        line[0, i + 1] = line[0, i] + v
+        line[1, i + 1] = line[1, i] + i * v
+        line[2, i + 1] = line[2, i] + v * v
+        line[3, i + 1] = line[3, i] + (abs(x[1, i] - x[1, i - 1]) if i > 0 else 0.0)
+        for lag in range(LAGS):
+            products[i + 1, lag] = products[i, lag] + v * x[0, i + lag]
+
+
+@jit
+def _look(x, n, line, products, p, width, out, count):
+    """Look at a period, in windows half a cycle apart; add its runs to ``out``, and return how many there are."""
+    length, at = int(round(WINDOW_CYCLES * p)), int(round(p))
+    last = -2
+    for j in range(int(2.0 * (n - length) / p) + 1):
+        start = int(0.5 * p * j)
+        # as it stands: a mean and a slope only add to it
+        energy = line[2, start + length] - line[2, start]
+        if products[start + length - at, at] - products[start, at] < (GATE_ACF - GATE_SLACK) * energy:
+            continue
+        score, amplitude = _window(x, line, products, start, length, p)
+        if score < LEAST_SCORE:
+            continue
+        if last != j - 1:
+            if count == MOST_RUNS:
+                return count
+            out[count, 0], out[count, 2], out[count, 6] = start * width, p * width, count
+            out[count, 3] = out[count, 4] = out[count, 5] = 0.0
+            count += 1
+        last = j
+        out[count - 1, 1] = (start + length) * width
+        out[count - 1, 3] += 1.0
+        out[count - 1, 4] += score
+        out[count - 1, 5] += amplitude
+    return count
+
+
+@jit
+def _window(x, line, products, start, length, p):
+    """Return a window's score, and the amplitude of what swings [PV]; 0, 0 where it does not count."""
+    end = start + length
+    middle = start + 0.5 * (length - 1)
+    total = line[0, end] - line[0, start]
+    mean = total / length
+    slope = (line[1, end] - line[1, start] - middle * total) * 12.0 / (length * (length * length - 1.0))
+    score = 1.0
+    for cycles in range(1, 3):
+        swing = 0.0
+        for half in range(2):
+            lag = (cycles - 0.5 * half) * p
+            first = int(lag)
+            weights = _cubic(lag - first)
+            for k in range(4):
+                acf = _acf(line, products, start, length, first - 1 + k, mean, slope)
+                swing += (0.5 - half) * weights[k] * acf
+            if swing < GATE_ACF / 2.0:  # whatever the half cycle is
+                return 0.0, 0.0
+        score = min(score, swing)
+        if score < LEAST_SCORE:
+            return 0.0, 0.0
+    rms = _lasts(x, start, length, mean, slope)
+    amplitude = math.sqrt(2.0 * score) * rms
+    if rms == 0.0 or line[3, end] - line[3, start + 1] > SETPOINT_TRAVEL * WINDOW_CYCLES * amplitude:
+        return 0.0, 0.0
+    return score, amplitude
+
+
+@jit
+def _acf(line, products, start, length, lag, mean, slope):
+    """Correlate a window without its line with itself, a lag later; each part over its own energy (derived)."""
+    n = length - lag
+    middle = start + 0.5 * (length - 1)
+    a, b, c, d = start, start + n, start + lag, start + length
+    x1, x2 = line[0, b] - line[0, a], line[0, d] - line[0, c]
+    ux1 = line[1, b] - line[1, a] - middle * x1
+    ux2 = line[1, d] - line[1, c] - middle * x2
+    own, shift = n * (n * n - 1.0) / 12.0, 0.25 * n * lag * lag
+    square = n * mean * mean
+    tilt = mean * slope * n * lag
+    energy1 = line[2, b] - line[2, a] - 2.0 * (mean * x1 + slope * ux1) + square - tilt
+    energy2 = line[2, d] - line[2, c] - 2.0 * (mean * x2 + slope * ux2) + square + tilt
+    energy1 += slope * slope * (own + shift)
+    energy2 += slope * slope * (own + shift)
+    both = products[b, lag] - products[a, lag] - mean * (x1 + x2) + square
+    both += slope * slope * (own - shift) - slope * (ux1 + lag * x1 + ux2 - lag * x2)
+    return both / math.sqrt(energy1 * energy2) if energy1 > 0.0 and energy2 > 0.0 else 0.0
+
+
+@jit
+def _cubic(t):
+    """Weights of four neighbours of a place between the second and the third (Catmull-Rom)."""
+    return (
+        0.5 * t * (t * (2.0 - t) - 1.0),
+        1.0 + 0.5 * t * t * (3.0 * t - 5.0),
+        0.5 * t * (1.0 + t * (4.0 - 3.0 * t)),
+        0.5 * t * t * (t - 1.0),
+    )
+
+
+@jit
+def _lasts(x, start, length, mean, slope):
+    """Return a window's standard deviation about its line [PV]; 0 where a cycle is missing, or where it is pulses."""
+    size = energy = 0.0
+    least, cycles = math.inf, int(WINDOW_CYCLES)
+    for k in range(cycles):
+        own = 0.0
+        for i in range(k * length // cycles, (k + 1) * length // cycles):
+            v = x[0, start + i] - mean - slope * (i - 0.5 * (length - 1))
+            own += v * v
+            size += abs(v)
+        energy += own
+        least = min(least, own)
+    if energy <= 0.0 or least < CYCLE_SHARE * energy / cycles:
+        return 0.0
+    return math.sqrt(energy / length) if size * size >= FULL_SHARE * FULL_SHARE * length * energy else 0.0

@@ -23,6 +23,8 @@ from monitor.detect.constants import SUSPECTED_LOAD_QUANTA
 from monitor.detect.detector import Detector, Found
 from monitor.detect.event import BY_GAP, BY_SETTINGS, LOAD_STEP, ClosedEvent, Stretch
 from monitor.detect.state import COUNTS, FATES
+from monitor.health.diagnoses import Diagnoses
+from monitor.health.diagnosis import Signs
 from monitor.health.loop_health import by_exception, figures
 from monitor.health.measurement import compression_of
 from monitor.identify.direct import model_response
@@ -63,6 +65,7 @@ class Engine:
         self.detector = Detector(list(loops))
         self._histories: dict[int, LoopHistory] = {}
         self._pending: list[_Waiting] = []
+        self._diagnoses = Diagnoses(most_stretches)
         self._stretches: dict[int, list[Stretch]] = {}
         """By row: to be looked at before the row's next event, or when nothing else waits."""
         self._retired: Counter[str] = Counter()
@@ -103,6 +106,7 @@ class Engine:
         self.detector.set_limits(row, self.loops[row])
         history = self._history(row)
         history.retune(self.last_sample(row).time + 1, self.loops[row])
+        self._diagnoses.forget(row)
         return records + history.take_plan()
 
     def set_back(self, row: int, first: int) -> list[Record]:
@@ -121,6 +125,7 @@ class Engine:
         self._retired["ok"] -= int(self.reporting.added[row])
         self.reporting.forget(row)
         self._histories.pop(row, None)
+        self._diagnoses.forget(row)
         self.detector.forget(row)
         return records
 
@@ -161,14 +166,15 @@ class Engine:
         n = self.backlog if most is None else min(most, self.backlog)
         now, self._pending = self._pending[:n], self._pending[n:]
         records = [record for waiting in now for record in self._assess(*waiting)]
-        for row in list(self._stretches)[: n - len(now)]:
+        for row in sorted(self._stretches.keys() | self._diagnoses.waiting.keys())[: n - len(now)]:
             records += self._look_at_stretches(row)
+            self._diagnoses.look(row)
         return records
 
     @property
     def backlog(self) -> int:
-        """Events, and loops with stretches, that wait for `assess`."""
-        return len(self._pending) + len(self._stretches)
+        """Events, and loops with stretches or blocks, that wait for `assess`."""
+        return len(self._pending) + len(self._stretches.keys() | self._diagnoses.waiting.keys())
 
     def close(self) -> list[Record]:
         """Close what is open, because the data end here; assessments wait for `assess`."""
@@ -180,6 +186,7 @@ class Engine:
 
     def _take(self, found: Found) -> list[Record]:
         """Report openings and closings; a suspected load step is reported when it is known what it was."""
+        self._diagnoses.wait(self.detector.take_blocks())
         records: list[Record] = []
         for event in found:
             closed = event if isinstance(event, ClosedEvent) else None
@@ -219,9 +226,12 @@ class Engine:
         if not (event.thinned and history.in_force.seen_since(event.onset)):
             first = event.onset + round(event.window.time[0] * 1e9)
             history.look(event.window, first, event.end, event.period)
-        return records + self._judged(event, history, dead_band) + history.take_plan()
+        signs = self._diagnoses.look(event.row, event.end)
+        return records + self._judged(event, history, dead_band, signs) + history.take_plan()
 
-    def _judged(self, event: ClosedEvent, history: LoopHistory, dead_band: float | None) -> list[Record]:
+    def _judged(
+        self, event: ClosedEvent, history: LoopHistory, dead_band: float | None, signs: Signs
+    ) -> list[Record]:
         row, in_force = event.row, history.in_force
         if dead_band is not None:
             event = replace(event, quantum=max(event.quantum, dead_band))
@@ -239,11 +249,11 @@ class Engine:
             reconstructed=1.0 if dead_band is not None else made_up,
         )
         if not finding.is_event:
-            return [] if finding.is_tail else self._disturbed(event, history, made_up, dead_band)
+            return [] if finding.is_tail else self._disturbed(event, history, made_up, dead_band, signs)
         finding = history.add(finding)
         records: list[Record] = [] if finding.record.kind == SETPOINT else [_closing(finding.record)]
         records += [finding.record, _window(event, finding.record, finding.fit)]
-        standing = self._row(row, event.health, event.period, dead_band)
+        standing = self._row(row, event.health, event.period, dead_band, signs)
         history.verdict = standing.verdict
         if standing.new_kp is None:
             history.published = None
@@ -254,7 +264,7 @@ class Engine:
         return records
 
     def _disturbed(
-        self, event: ClosedEvent, history: LoopHistory, made_up: float, dead_band: float | None
+        self, event: ClosedEvent, history: LoopHistory, made_up: float, dead_band: float | None, signs: Signs
     ) -> list[Record]:
         """Record a suspected load step that no step explains, where it stands out."""
         record = assess_disturbance(history.loop, event, history.model, made_up)
@@ -263,7 +273,7 @@ class Engine:
             return []
         self.disturbances += 1
         record = history.add_disturbance(record)
-        history.verdict = self._row(event.row, event.health, event.period, dead_band).verdict
+        history.verdict = self._row(event.row, event.health, event.period, dead_band, signs).verdict
         return [_closing(record), record, _window(event, record, None)]
 
     # -- the loop as it stands --------------------------------------------------------------------
@@ -273,17 +283,18 @@ class Engine:
         state = self.detector.state[row]
         moves = moves_in_words({name: int(state["moves"][name]) for name in FATES})
         period, dead_band = float(state["clock"]["period"]), self.reporting.dead_band(row)
-        return self._row(row, self.detector.health[row], period, dead_band, moves)
+        signs = self._diagnoses.signs(row)
+        return self._row(row, self.detector.health[row], period, dead_band, signs, moves)
 
     def _row(
-        self, row: int, health: np.void, period: float, dead_band: float | None, moves: str = ""
+        self, row: int, health: np.void, period: float, dead_band: float | None, signs: Signs, moves: str = ""
     ) -> LoopRow:
-        """Return a loop's row with its health, sample period [s], dead band [PV] and set-point moves of some moment."""
+        """Return a loop's row with its health, period [s], dead band [PV], signs and moves of some moment."""
         history = self._histories.get(row)
         tuning = Tuning() if history is None else history.tuning
         seen = by_exception(figures(health, period, tuning.model.get("dead_time")), dead_band)
         in_force = InForce(self.loops[row]) if history is None else history.in_force
-        return loop_row(in_force, replace(tuning, moves=moves), seen)
+        return loop_row(in_force, replace(tuning, moves=moves), replace(seen, signs=signs))
 
     def rows(self) -> list[LoopRow]:
         """Return one row for each loop, worst first: by verdict, then by index, then by name."""

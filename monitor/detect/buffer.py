@@ -8,8 +8,6 @@ from the block's first sample, so that 32 bits hold the noise of a PV that is fa
 
 from __future__ import annotations
 
-import numpy as np
-
 from monitor.compiled import jit
 
 from .constants import BLOCK_SAMPLES, LEAST_BLOCK_SAMPLES, LEVEL_SAMPLES, MAX_GAP_PERIODS

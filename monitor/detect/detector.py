@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Samples
+from monitor.health.diagnosis import Block
 from monitor.health.observe import HEALTH
 
 from . import kernel
 from .constants import BLOCK_SAMPLES, LEVELS, RING_SAMPLES, SLOTS_OF_SAMPLE, TOO_LARGE, WINDOW_POINTS
-from .event import BY_END, CAUSES, LOAD_STEP, STATES, Block, ClosedEvent, EventWindow, Opened, Stretch
+from .event import BY_END, CAUSES, LOAD_STEP, STATES, ClosedEvent, EventWindow, Opened, Stretch
 from .state import BLOCK, BUFFER, OPENED, OUT, PARAM, STATE, STRETCH, Stores
 
 _T = TypeVar("_T", bound=np.generic)
@@ -219,8 +220,17 @@ class Detector:
         """Copy a block, and free its slot."""
         sp, pv, op = self.stores.slab[slot, : out["points"], 1:].T.copy()
         self._free_slot(slot)
-        facts = (out[name].item() for name in ("row", "number", "onset", "end", "period"))
-        return Block(*facts, sp, pv, op, bool(out["state"]))
+        return Block(
+            row=int(out["row"]),
+            level=int(out["number"]),
+            start=int(out["onset"]),
+            end=int(out["end"]),
+            period=float(out["period"]),
+            sp=sp,
+            pv=pv,
+            op=op,
+            so_far=bool(out["state"]),
+        )
 
 
 def _fill(row: np.void, loop: Loop) -> None:

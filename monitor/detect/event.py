@@ -85,30 +85,6 @@ class Stretch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Block:
-    """Samples in a row in automatic, or averages of sixteen: to see what is wrong with a loop in."""
-
-    row: int
-    """The loop's row of the table."""
-    level: int
-    """0: of samples; 1: of averages."""
-    start: int
-    """[ns since 1970]"""
-    end: int
-    """[ns since 1970]"""
-    period: float
-    """From one value to the next [s]."""
-    sp: Array
-    """(n,) [PV]"""
-    pv: Array
-    """(n,) [PV]"""
-    op: Array
-    """(n,) [OP]"""
-    so_far: bool
-    """Whether it goes on: shown because an event closes, and shown again when it is full."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class ClosedEvent:
     """An event from its onset to its end, with all that is known of it without a model."""
 

@@ -109,7 +109,10 @@ def cycle_gain(pv: Array, op: Array, period: float, cycle: Episode | None = None
 
 def _integrators(phase: float) -> tuple[float, float]:
     """Return by how much a phase is later than an integrator's [rad], and the integrator's sign: that which fits."""
-    late = [(-phase - quarter + math.pi) % (2.0 * math.pi) - math.pi for quarter in (0.5 * math.pi, -0.5 * math.pi)]
+    late = [
+        (-phase - quarter + math.pi) % (2.0 * math.pi) - math.pi
+        for quarter in (0.5 * math.pi, -0.5 * math.pi)
+    ]
     # from 0 to a quarter of a cycle later is possible: the sign nearer to its middle
     direct = abs(late[0] - 0.25 * math.pi) <= abs(late[1] - 0.25 * math.pi)
     return (late[0], 1.0) if direct else (late[1], -1.0)

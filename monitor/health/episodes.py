@@ -267,4 +267,7 @@ def too_fast(error: Array) -> bool:
         return False
     x = error - np.mean(error)
     energy = float(x @ x)
-    return energy > 0.0 and float(x[1:] @ x[:-1]) < (ALTERNATING_ACF - ALTERNATING_SD * 0.7 / math.sqrt(n)) * energy
+    return (
+        energy > 0.0
+        and float(x[1:] @ x[:-1]) < (ALTERNATING_ACF - ALTERNATING_SD * 0.7 / math.sqrt(n)) * energy
+    )

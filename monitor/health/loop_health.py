@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from . import coverage, harris, measurement, offset, saturation, tag_mapping, travel
+from .diagnosis import NO_SIGNS, Signs
 from .oscillation import any_block, strongest, too_fast
 from .regulation import Regulation, regulation_of
 from .stiction import stiction_of
@@ -86,6 +87,8 @@ class Health:
     """Whether the response is over before it is seen."""
     pv_moving: float | None = None
     """Share of samples at which PV moved."""
+    signs: Signs = NO_SIGNS
+    """What is wrong with it, as its blocks show."""
     regulation: Regulation | None = None
     """The error in routine operation, where no dead time is known that would give a Harris index."""
 

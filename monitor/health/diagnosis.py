@@ -1,0 +1,160 @@
+"""What is wrong with a loop, beside its tuning, as its blocks show it: each is looked at once, in order of time.
+
+A block is what came in a row in automatic, sample by sample or in averages of sixteen (`detect.buffer`). Of each is
+asked: does the valve stick, does the error swing, does PV answer OP, does it follow the set point, has OP but two
+values. What is kept of the answers is bounded, however long a loop is watched.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .cycle_gain import CycleGain, cycle_gain
+from .episodes import Episodes, LoopSpan, episodes_of, too_fast
+from .response import NoResponse, no_response_of
+from .tracking import Tracked, tracking_of, tracking_verdict
+
+Array = NDArray[np.float64]
+
+MOST_MOVES = 16
+"""Moves of the set point that are kept."""
+HALVED_S = 14 * 86400.0
+"""Judged time after which what is summed over it is halved: a loop is judged by its recent weeks [s]."""
+NS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """Samples in a row in automatic, or averages of sixteen: to see what is wrong with a loop in."""
+
+    row: int
+    """The loop's row of the table."""
+    level: int
+    """0: of samples; 1: of averages."""
+    start: int
+    """[ns since 1970]"""
+    end: int
+    """[ns since 1970]"""
+    period: float
+    """From one value to the next [s]."""
+    sp: Array
+    """(n,) [PV]"""
+    pv: Array
+    """(n,) [PV]"""
+    op: Array
+    """(n,) [OP]"""
+    so_far: bool
+    """Whether it goes on: shown because an event closes, and shown again when it is full."""
+
+
+@dataclass(frozen=True, slots=True)
+class Signs:
+    """What is wrong, or right, as far as the blocks show; None and empty where they show nothing."""
+
+    oscillating_share: float | None = None
+    """Of the judged time; None before any is judged."""
+    oscillating: bool = False
+    """Whether that is enough to call the loop oscillating."""
+    cycle_period: float | None = None
+    """Of the episodes [s]."""
+    spans: tuple[LoopSpan, ...] = ()
+    """The newest and longest episodes that count, in order of time."""
+    judged: float = 0.0
+    """Time that was judged [s]."""
+    too_fast: bool = False
+    """Whether the error swings faster than the sampling resolves."""
+    silent: NoResponse | None = None
+    """A stretch in which PV does not answer OP, of the newest block that shows one."""
+    silent_since: int = 0
+    """When that began [ns since 1970]."""
+    silent_time: float = 0.0
+    """How long it lasted [s]."""
+    tracks: str | None = None
+    """``tracks``, ``rings``, ``crawls``: how PV follows the set point, where it is fast for the sampling."""
+    follows_within: float | None = None
+    """Delay and three lags of that [s]."""
+    gain: CycleGain | None = None
+    """What the newest sustained cycle says of an integrating process."""
+
+
+NO_SIGNS = Signs()
+
+
+@dataclass(slots=True)
+class Diagnosis:
+    """What a loop's blocks showed so far."""
+
+    episodes: tuple[Episodes, Episodes] = field(default_factory=lambda: (Episodes(), Episodes()))
+    """Of samples, and of averages."""
+    judged: float = 0.0
+    """Time of the blocks of samples since sums were halved [s]."""
+    fast: float = 0.0
+    """Of it, in blocks that swing faster than the sampling [s]."""
+    silent: NoResponse | None = None
+    silent_since: int = 0
+    silent_time: float = 0.0
+    moves: tuple[Tracked, ...] = ()
+    gain: CycleGain | None = None
+
+    def add(self, block: Block) -> None:
+        """Take in the next block."""
+        n, error = len(block.pv), block.sp - block.pv
+        found = episodes_of(error, block.period, block.sp)
+        self.episodes[block.level].add(found, block.start, n, block.period)
+        strong = max((e for e in found or () if e.strong), key=lambda e: e.end - e.start, default=None)
+        if strong is not None:
+            self.gain = cycle_gain(block.pv, block.op, block.period, strong) or self.gain
+        self._listen(block)
+        if block.level == 0:
+            self.fast += n * block.period if too_fast(error) else 0.0
+            self.judged += n * block.period
+            moves = tracking_of(block.sp, block.pv, block.period, _noise(block.pv))
+            self.moves = (*self.moves, *moves)[-MOST_MOVES:]
+            if self.judged > HALVED_S:
+                self._halve()
+
+    def _listen(self, block: Block) -> None:
+        """Keep a stretch in which PV does not answer; a later block in which it does takes it back."""
+        silent = no_response_of(block.sp, block.pv, block.op, block.period)
+        if silent is not None:
+            self.silent = silent
+            self.silent_since = block.start + round(silent.start * block.period * NS)
+            self.silent_time = (silent.end - silent.start) * block.period
+        elif block.end - self.silent_since > 2 * self.silent_time * NS:
+            self.silent = None
+
+    def _halve(self) -> None:
+        """Let what is old count half."""
+        self.judged *= 0.5
+        self.fast *= 0.5
+        for episodes in self.episodes:
+            episodes.decay()
+
+    def signs(self) -> Signs:
+        """Return what the blocks show together."""
+        own = max(self.episodes, key=lambda e: e.oscillating_share or 0.0)
+        said = tracking_verdict(list(self.moves))
+        within = max((m.delay + 3.0 * m.lag for m in self.moves if m.verdict == said), default=None)
+        return Signs(
+            oscillating_share=own.oscillating_share,
+            oscillating=bool(own.oscillating),
+            cycle_period=own.period,
+            spans=tuple(s for s in own.spans if s.strong),
+            judged=self.judged,
+            too_fast=self.fast > 0.5 * self.judged,
+            silent=self.silent,
+            silent_since=self.silent_since,
+            silent_time=self.silent_time,
+            tracks=said,
+            follows_within=within if said else None,
+            gain=self.gain,
+        )
+
+
+def _noise(pv: Array) -> float:
+    """Return the standard deviation of PV's noise: of the median size of its second differences (derived)."""
+    second = np.abs(np.diff(pv, 2))
+    return float(np.median(second)) / 0.6745 / np.sqrt(6.0) if len(second) else 0.0

@@ -6,10 +6,16 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from tuners.settings import Settings
+import numpy as np
+
+from monitor.assess.tuning import LEAST_METHOD_PRODUCT
+from tuners.levels import method_product
+from tuners.models import IntegratingModel, Model
+from tuners.settings import NotRepresentableError, Settings
 
 from .candidates import Limits
 from .guards import LOADS_ALONE, MISFIT, NEAR_THE_EDGE, SOFT_RATIO, Guards
+from .region import nominal
 from .stages import ORDERS, between, rounded, stages
 
 WAY_SHARES = tuple(k / 20 for k in range(20, 1, -1))
@@ -22,6 +28,8 @@ UNKNOWN_START_RATIO = 4.0
 """Where today's settings are not known, the way comes from settings so many times gentler than the aim."""
 RETREAT_RATIOS = (1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0)
 """Times gentler than an aim that takes gain away, where the model's error asks for more than that."""
+WELL_DAMPED_PRODUCT = 4.0
+"""Kc K Ti of an integrating loop whose slow swing is damped critically."""
 MS_ON_THE_WAY = "Ms on the way would be too high"
 NEARLY_THERE = "what is safe to change now is less than 5 % of today's settings"
 
@@ -63,7 +71,8 @@ def way(limits: Limits, guards: Guards, aim: Settings, peaks: tuple[float, float
     if guards.lead_withheld and float(aim.td) > 0:
         end, reasons = replace(aim, td=0.0, tf=0.0), [LOADS_ALONE]
     for order in ORDERS:
-        points = _distinct(start, (between(start, end, *order(x)) for x in WAY_SHARES))
+        on_the_way = (between(start, end, *order(x)) for x in WAY_SHARES)
+        points = _distinct(start, (p if p == end else without_rolling(p, limits.region) for p in on_the_way))
         refused = guards.refused(points)
         for point, why in zip(points, refused, strict=True):
             found = None if why else _safe(limits, point, aim, peaks)
@@ -148,6 +157,23 @@ def _retreat(limits: Limits, guards: Guards, aim: Settings) -> tuple[Settings, t
         if peaks is not None and limits.kept_by(settings, peaks):
             return settings, peaks
     return None
+
+
+def without_rolling(point: Settings, region: Model) -> Settings:
+    """Return settings with an integral time long enough for their gain, where an integrating loop would roll with them.
+
+    The gain that is safe to type in now may be too little for the integral time of the aim: the damping of the slow
+    swing is ``sqrt(Kc K Ti)/2`` (S. Skogestad, J. Process Control 13 (2003) 291-309, eq. 18), 1 from a product of 4.
+    """
+    if not isinstance(region, IntegratingModel) or not math.isfinite(float(point.ti)):
+        return point
+    try:
+        product = float(np.ravel(method_product(nominal(region), point))[0])
+    except NotRepresentableError:
+        return point
+    if not 0.0 < product < LEAST_METHOD_PRODUCT:
+        return point
+    return replace(point, ti=rounded(float(point.ti) * WELL_DAMPED_PRODUCT / product))
 
 
 def gentler(settings: Settings, ratio: float) -> Settings:

@@ -144,6 +144,8 @@ class LoopRow(msgspec.Struct, frozen=True, kw_only=True):
     reversals_per_hour: float | None = None
     oscillation_period: float | None = None
     oscillation_regularity: float | None = None
+    oscillating_share: float | None = None
+    """Of the judged time."""
     stiction: float | None = None
     harris: float | None = None
     compression: float | None = None

@@ -76,6 +76,8 @@ class Signs:
     """``tracks``, ``rings``, ``crawls``: how PV follows the set point, where it is fast for the sampling."""
     follows_within: float | None = None
     """Delay and three lags of that [s]."""
+    period: float | None = None
+    """Of the newest samples [s]."""
     gain: CycleGain | None = None
     """What the newest sustained cycle says of an integrating process."""
 
@@ -98,6 +100,7 @@ class Diagnosis:
     silent_time: float = 0.0
     moves: tuple[Tracked, ...] = ()
     gain: CycleGain | None = None
+    period: float | None = None
 
     def add(self, block: Block) -> None:
         """Take in the next block."""
@@ -111,6 +114,7 @@ class Diagnosis:
         if block.level == 0:
             self.fast += n * block.period if too_fast(error) else 0.0
             self.judged += n * block.period
+            self.period = block.period
             moves = tracking_of(block.sp, block.pv, block.period, _noise(block.pv))
             self.moves = (*self.moves, *moves)[-MOST_MOVES:]
             if self.judged > HALVED_S:
@@ -150,6 +154,7 @@ class Diagnosis:
             silent_time=self.silent_time,
             tracks=said,
             follows_within=within if said else None,
+            period=self.period,
             gain=self.gain,
         )
 

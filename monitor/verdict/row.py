@@ -70,6 +70,7 @@ def _of_health(health: Health) -> Figures:
         "reversals_per_hour": health.reversals_per_hour,
         "oscillation_period": health.oscillation_period,
         "oscillation_regularity": health.oscillation_regularity,
+        "oscillating_share": health.signs.oscillating_share,
         "stiction": health.stiction,
         "harris": health.harris,
         "compression": health.compression,

@@ -12,38 +12,17 @@ The tree, from the root; the first branch that holds and stops gives the verdict
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
-from monitor.assess.reference import settings_of
-from monitor.assess.tuning import MS_MARGIN_RATIO, integral_too_strong
-from monitor.contract.loops import Loop, offset_intended
-from monitor.contract.records import INCONCLUSIVE, NOT_ASSESSED, RETUNE
+from monitor.contract.loops import Loop
+from monitor.contract.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE
+from monitor.contract.text import duration
 from monitor.health.loop_health import Health
-from tuners.models import INTEGRATING, IntegratingModel, SelfRegulatingModel
 
+from . import branches
 from .parts import Tuning
-from .routine import LED_SP_SHARE, routine
-
-MANUAL_SHARE = 0.5
-"""Share of time in manual from which the loop is not in control."""
-AT_LIMIT_SHARE = 0.3
-"""Share of time at an output limit from which it is not in control."""
-TOUCHES_LIMIT_SHARE = 0.05
-"""Share of time at an output limit that is worth a word."""
-LEAST_LOOP_COVERAGE = 0.5
-"""Share of time with good samples below which nothing is concluded; single events have their own, stricter rule."""
-COMPRESSED_SHARE = 0.5
-"""Share of reconstructed points from which figures of shape and noise are the historian's, not the plant's."""
-STICKS_INDEX = 0.5
-"""Stiction index from which the valve is named."""
-SLAVE_SP_SHARE = 0.5
-"""Share of samples at which the set point moves, from which the loop is a cascade's slave or follows a programme."""
-SAME_PERIOD_RATIO = 2.0
-"""Factor between a loop's own period and the one seen, up to which its settings may be the cause."""
+from .routine import routine
 
 WITHHOLDS, EXPLAINS, MARKS, WORDS = "withholds", "explains", "marks", "says"
 """What a branch does: overrules any verdict on the tuning (`inconclusive`); says why a loop was not assessed; only sets
@@ -90,7 +69,25 @@ def conclude(tuning: Tuning, loop: Loop, health: Health) -> Conclusion:
             said, action = routine(loop, health, _seen(tuning))
             why = "; ".join([said, *(mark for b, mark in held if b.effect == MARKS)]), action
         reason, action = why
-    return Conclusion(tuning.verdict, reason, action, flags, withheld=False)
+    verdict = tuning.verdict
+    if verdict in (INCONCLUSIVE, NOT_ASSESSED) and health.signs.tracks is not None:
+        verdict, reason, action = _tracking(health, verdict, reason, action)
+    return Conclusion(verdict, reason, action, flags, withheld=False)
+
+
+def _tracking(health: Health, verdict: str, reason: str, action: str) -> tuple[str, str, str]:
+    """Judge a loop that is too fast for its sampling by the way PV follows the set point; say it before the rest."""
+    signs = health.signs
+    within, sampled = duration(signs.follows_within or 0.0), duration(signs.period or 0.0)
+    if signs.tracks == "tracks":
+        return (
+            GOOD,
+            f"PV follows the set point within {within}, without overshoot or ringing; its dead time cannot be seen at "
+            f"samples of {sampled}",
+            "none",
+        )
+    how = "overshoots and rings" if signs.tracks == "rings" else "creeps up to it"
+    return verdict, f"after set-point moves PV {how}; {reason}", action
 
 
 def _seen(tuning: Tuning) -> str:
@@ -106,173 +103,6 @@ def _over(tuning: Tuning, said: str) -> str:
     return f"{said}; {tuning.reason}" if tuning.verdict == INCONCLUSIVE else said
 
 
-# ---------------------------------------------------------------------------------------------------
-# what the branches look for
-
-
-def _no_data(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    return "no good sample was seen" if health.coverage is None else ""
-
-
-def _idle(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    return "idle: set point, PV and output do not move" if health.idle else ""
-
-
-def _stuck(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    return "PV is frozen while the output moves" if health.stuck else ""
-
-
-def _mapping(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    return (
-        "the tags look mixed up: PV does not follow OP, or is free of noise while SP is not"
-        if health.mapping
-        else ""
-    )
-
-
-def _changed(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    return "PV and SP jumped together: a new unit or range" if health.config_change else ""
-
-
-def _by_exception(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    if health.dead_band is None:
-        return ""
-    return (
-        f"PV is reported by exception (dead band about {health.dead_band:.2g} [PV]): between rows its last value "
-        "is held"
-    )
-
-
-def _compressed(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    share = 0.0 if health.dead_band is not None else _of(health.compression)
-    return (
-        f"the historian compressed these data ({share:.0%} of the points are reconstructed): intervals are wider"
-        if share > COMPRESSED_SHARE
-        else ""
-    )
-
-
-def _coarse(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    return "sampled too coarsely to show how the loop moves" if health.undersampled else ""
-
-
-def _uncovered(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    covered = _of(health.coverage)
-    return (
-        f"only {covered:.0%} of the time is covered by good samples" if covered < LEAST_LOOP_COVERAGE else ""
-    )
-
-
-def _manual(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    share = max(_of(health.manual), _of(health.held))
-    return f"in manual for {share:.0%} of the time" if share > MANUAL_SHARE else ""
-
-
-def _slave(health: Health, _tuning: Tuning, loop: Loop) -> str:
-    master = f" of {loop.master}" if loop.master else ""
-    if _of(health.sp_moving) > SLAVE_SP_SHARE:
-        return (
-            f"its set point moves all the time: the slave{master} of a cascade, or a programme; not a fault"
-        )
-    return ""
-
-
-def _at_limit(health: Health, _tuning: Tuning, loop: Loop) -> str:
-    # where no limit is known, an output that rests at its own extreme may have arrived where it belongs
-    known = loop.op_low is not None or loop.op_high is not None
-    share = _of(health.saturation) if known else 0.0
-    return (
-        f"OP is at its limit for {share:.0%} of the time: the loop has no room to control"
-        if share > AT_LIMIT_SHARE
-        else ""
-    )
-
-
-def _touches_limit(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    share = _of(health.saturation)
-    return f"OP is at its limit for {share:.0%} of the time" if share > TOUCHES_LIMIT_SHARE else ""
-
-
-def _mismatch(_health: Health, tuning: Tuning, loop: Loop) -> str:
-    return tuning.contradiction if loop.kp is not None else ""
-
-
-def _not_linear(_health: Health, tuning: Tuning, loop: Loop) -> str:
-    return tuning.contradiction if loop.kp is None else ""
-
-
-def _sticks(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    if _of(health.stiction) <= STICKS_INDEX or _of(health.sp_moving) > LED_SP_SHARE:
-        return ""
-    return f"the valve sticks (index {_of(health.stiction):.2f}): {_cycle(health)}"
-
-
-def _oscillates(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    return _cycle(health) if health.oscillating and _of(health.sp_moving) <= LED_SP_SHARE else ""
-
-
-def _oscillates_otherwise(health: Health, tuning: Tuning, loop: Loop) -> str:
-    """Name an oscillation that today's settings do not explain."""
-    cycle = _oscillates(health, tuning, loop)
-    if not cycle or _rolls_by_itself(health, tuning, loop):
-        return ""
-    if tuning.ms is not None:
-        return f"{cycle}, which its settings do not explain (Ms = {tuning.ms:.2f})"
-    return f"{cycle}; whether its settings are the cause is not known"
-
-
-def _rolls_by_itself(health: Health, tuning: Tuning, loop: Loop) -> bool:
-    """Whether the settings of today explain an oscillation: a poorly damped loop, and its own period."""
-    settings = settings_of(loop)
-    period, gain = health.oscillation_period, tuning.model.get("gain")
-    if tuning.ms is None or gain is None or period is None or settings is None:
-        return False
-    dead_time, lag = tuning.model.get("dead_time") or 0.0, tuning.model.get("lag") or 0.0
-    integrating = tuning.process == INTEGRATING
-    model = (IntegratingModel if integrating else SelfRegulatingModel)(gain, dead_time, lag)
-    if tuning.ms <= MS_MARGIN_RATIO * loop.ms_max and not integral_too_strong(loop, model):
-        return False
-    # relative to the period seen; the loop's own is where it amplifies most
-    ratio = np.geomspace(1 / 30, 30, 301)
-    omega = 2 * np.pi / period * ratio
-    distance = np.abs(1 + model.frequency_response(omega) * settings.frequency_response(omega))
-    own = float(ratio[int(np.argmin(distance))])
-    return 1 / SAME_PERIOD_RATIO <= own <= SAME_PERIOD_RATIO
-
-
-def _cycle(health: Health) -> str:
-    period = (
-        "" if health.oscillation_period is None else f" with a period of {health.oscillation_period:.3g} s"
-    )
-    return f"it oscillates{period}"
-
-
-def _without_integral(health: Health, _tuning: Tuning, loop: Loop) -> str:
-    without = loop.kp is not None and math.isinf(loop.ti)
-    if not health.settled_offset or not without or offset_intended(loop):
-        return ""
-    return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: the controller has no integral action"
-
-
-def _stays_off(health: Health, tuning: Tuning, loop: Loop) -> str:
-    # a slow integral action looks like none, and a retune cures it
-    slow = tuning.verdict == RETUNE and loop.kp is not None and math.isfinite(loop.ti)
-    if not health.settled_offset or slow or offset_intended(loop):
-        return ""
-    return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: no integral action, or OP held"
-
-
-def _noisy(health: Health, _tuning: Tuning, loop: Loop) -> str:
-    if loop.op_span is None or health.op_noise is None:
-        return ""
-    share = 100.0 * health.op_noise / loop.op_span
-    return f"noise moves OP by {share:.2g} % of its span" if share > loop.op_noise_max else ""
-
-
-def _of(value: float | None) -> float:
-    return 0.0 if value is None else value
-
-
 _LOOK = "find out what changed, and judge the loop on data from after it"
 _RAW = (
     "for finer figures switch exception reporting off for this loop's tags (dead band 0, or report every scan), then "
@@ -284,40 +114,45 @@ _LAW = "find out what else moves OP: a gap, a gain that follows the error, an ov
 _VALVE = "check the valve and its positioner before the tuning: stroke it in manual and see whether the cycle stops"
 _OTHERS = "find the source first: in manual, does the cycle stay? Then it comes from outside"
 _ROOM = "look for the bottleneck (valve size, bypass, pump), or a set point within reach"
+_SHUT = (
+    "look at the valve in the field: shut, blocked, at its end, by-passed or overridden; if it moves, the integral "
+    "time is far too long"
+)
 _INTEGRAL = "add integral action if the offset is not wanted"
 
 TREE = (
     # are the data trustworthy?
-    Branch("", _no_data, EXPLAINS, "check the loop's name and tags"),
-    Branch("stuck_pv", _stuck, WITHHOLDS, "check the transmitter and the path of its signal"),
-    Branch("mapping_suspect", _mapping, WITHHOLDS, _WIRING),
-    Branch("config_change", _changed, MARKS, _LOOK),
+    Branch("", branches.no_data, EXPLAINS, "check the loop's name and tags"),
+    Branch("stuck_pv", branches.stuck, WITHHOLDS, "check the transmitter and the path of its signal"),
+    Branch("mapping_suspect", branches.mapping, WITHHOLDS, _WIRING),
+    Branch("config_change", branches.changed, MARKS, _LOOK),
     Branch(
         "compressed",
-        _compressed,
+        branches.compressed,
         WORDS,
         "export raw data, or switch compression off for this loop's tags",
     ),
-    Branch("exception_reported", _by_exception, WORDS, _RAW),
-    Branch("undersampled", _coarse, WITHHOLDS, "sample the loop faster"),
-    Branch("", _uncovered, EXPLAINS, "find out why samples are missing or bad"),
+    Branch("exception_reported", branches.by_exception, WORDS, _RAW),
+    Branch("undersampled", branches.coarse, WITHHOLDS, "sample the loop faster"),
+    Branch("", branches.uncovered, EXPLAINS, "find out why samples are missing or bad"),
     # is the loop in control?
-    Branch("manual", _manual, EXPLAINS, "find out why it is kept in manual"),
-    Branch("idle", _idle, EXPLAINS, "none while the unit is down"),
-    Branch("cascade_slave", _slave, EXPLAINS, "none; judge its master"),
-    Branch("saturated", _at_limit, WITHHOLDS, _ROOM),
-    Branch("saturated", _touches_limit, MARKS, _ROOM),
+    Branch("manual", branches.manual, EXPLAINS, "find out why it is kept in manual"),
+    Branch("idle", branches.idle, EXPLAINS, "none while the unit is down"),
+    Branch("cascade_slave", branches.slave, EXPLAINS, "none; judge its master"),
+    Branch("saturated", branches.at_limit, WITHHOLDS, _ROOM),
+    Branch("saturated", branches.touches_limit, MARKS, _ROOM),
     # is the controller the one of the loop table?
-    Branch("settings_mismatch", _mismatch, WITHHOLDS, _FACEPLATE),
-    Branch("", _not_linear, WITHHOLDS, _LAW),
+    Branch("settings_mismatch", branches.mismatch, WITHHOLDS, _FACEPLATE),
+    Branch("", branches.not_linear, WITHHOLDS, _LAW),
     # is it the valve?
-    Branch("stiction", _sticks, WITHHOLDS, _VALVE),
+    Branch("stiction", branches.sticks, WITHHOLDS, _VALVE),
     # does it oscillate for another reason?
-    Branch("oscillating", _oscillates_otherwise, WITHHOLDS, _OTHERS),
-    Branch("oscillating", _oscillates, MARKS, ""),
+    Branch("oscillating", branches.oscillates_otherwise, WITHHOLDS, _OTHERS),
+    Branch("oscillating", branches.oscillates, MARKS, ""),
     # then the tuning; what else is worth a word
-    Branch("no_integral", _without_integral, WITHHOLDS, _INTEGRAL),
-    Branch("offset", _stays_off, WITHHOLDS, _INTEGRAL),
-    Branch("noisy_op", _noisy, MARKS, "filter PV, or take derivative action away"),
+    Branch("no_response", branches.silent, WITHHOLDS, _SHUT),
+    Branch("no_integral", branches.without_integral, WITHHOLDS, _INTEGRAL),
+    Branch("offset", branches.stays_off, WITHHOLDS, _INTEGRAL),
+    Branch("noisy_op", branches.noisy, MARKS, "filter PV, or take derivative action away"),
 )
 """From the root; the first that withholds gives verdict, reason and action."""

@@ -1,0 +1,224 @@
+"""What the branches of the tree of verdicts look for: each returns what it finds in plain words, empty where nothing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from monitor.assess.reference import settings_of
+from monitor.assess.tuning import MS_MARGIN_RATIO, integral_too_strong
+from monitor.contract.loops import Loop, offset_intended
+from monitor.contract.records import RETUNE
+from monitor.contract.text import duration
+from monitor.contract.times import iso
+from monitor.health.loop_health import Health
+from tuners.models import INTEGRATING, IntegratingModel, SelfRegulatingModel
+
+from .parts import Tuning
+from .routine import LED_SP_SHARE
+
+MANUAL_SHARE = 0.5
+"""Share of time in manual from which the loop is not in control."""
+AT_LIMIT_SHARE = 0.3
+"""Share of time at an output limit from which it is not in control."""
+TOUCHES_LIMIT_SHARE = 0.05
+"""Share of time at an output limit that is worth a word."""
+LEAST_LOOP_COVERAGE = 0.5
+"""Share of time with good samples below which nothing is concluded; single events have their own, stricter rule."""
+COMPRESSED_SHARE = 0.5
+"""Share of reconstructed points from which figures of shape and noise are the historian's, not the plant's."""
+STICKS_INDEX = 0.5
+"""Stiction index from which the valve is named."""
+SLAVE_SP_SHARE = 0.5
+"""Share of samples at which the set point moves, from which the loop is a cascade's slave or follows a programme."""
+ALWAYS_SHARE, MOST_SPANS = 0.9, 3
+"""Share of the judged time from which a loop oscillates all the time; and episodes that are named, the newest."""
+SAME_PERIOD_RATIO = 2.0
+"""Factor between a loop's own period and the one seen, up to which its settings may be the cause."""
+
+
+def no_data(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    return "no good sample was seen" if health.coverage is None else ""
+
+
+def idle(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    return "idle: set point, PV and output do not move" if health.idle else ""
+
+
+def stuck(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    return "PV is frozen while the output moves" if health.stuck else ""
+
+
+def mapping(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    return (
+        "the tags look mixed up: PV does not follow OP, or is free of noise while SP is not"
+        if health.mapping
+        else ""
+    )
+
+
+def changed(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    return "PV and SP jumped together: a new unit or range" if health.config_change else ""
+
+
+def by_exception(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    if health.dead_band is None:
+        return ""
+    return (
+        f"PV is reported by exception (dead band about {health.dead_band:.2g} [PV]): between rows its last value "
+        "is held"
+    )
+
+
+def compressed(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    share = 0.0 if health.dead_band is not None else _of(health.compression)
+    return (
+        f"the historian compressed these data ({share:.0%} of the points are reconstructed): intervals are wider"
+        if share > COMPRESSED_SHARE
+        else ""
+    )
+
+
+def coarse(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    if health.signs.too_fast:
+        return "the error turns at nearly every sample: it swings faster than the sampling resolves"
+    return "sampled too coarsely to show how the loop moves" if health.undersampled else ""
+
+
+def uncovered(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    covered = _of(health.coverage)
+    return (
+        f"only {covered:.0%} of the time is covered by good samples" if covered < LEAST_LOOP_COVERAGE else ""
+    )
+
+
+def manual(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    share = max(_of(health.manual), _of(health.held))
+    return f"in manual for {share:.0%} of the time" if share > MANUAL_SHARE else ""
+
+
+def slave(health: Health, _tuning: Tuning, loop: Loop) -> str:
+    master = f" of {loop.master}" if loop.master else ""
+    if _of(health.sp_moving) > SLAVE_SP_SHARE:
+        return (
+            f"its set point moves all the time: the slave{master} of a cascade, or a programme; not a fault"
+        )
+    return ""
+
+
+def at_limit(health: Health, _tuning: Tuning, loop: Loop) -> str:
+    # where no limit is known, an output that rests at its own extreme may have arrived where it belongs
+    known = loop.op_low is not None or loop.op_high is not None
+    share = _of(health.saturation) if known else 0.0
+    return (
+        f"OP is at its limit for {share:.0%} of the time: the loop has no room to control"
+        if share > AT_LIMIT_SHARE
+        else ""
+    )
+
+
+def touches_limit(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    share = _of(health.saturation)
+    return f"OP is at its limit for {share:.0%} of the time" if share > TOUCHES_LIMIT_SHARE else ""
+
+
+def mismatch(_health: Health, tuning: Tuning, loop: Loop) -> str:
+    return tuning.contradiction if loop.kp is not None else ""
+
+
+def not_linear(_health: Health, tuning: Tuning, loop: Loop) -> str:
+    return tuning.contradiction if loop.kp is None else ""
+
+
+def sticks(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    if _of(health.stiction) <= STICKS_INDEX or _of(health.sp_moving) > LED_SP_SHARE:
+        return ""
+    return f"the valve sticks (index {_of(health.stiction):.2f}): {_cycle(health)}"
+
+
+def oscillates(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    swings = health.oscillating or health.signs.oscillating
+    return _cycle(health) if swings and _of(health.sp_moving) <= LED_SP_SHARE else ""
+
+
+def oscillates_otherwise(health: Health, tuning: Tuning, loop: Loop) -> str:
+    """Name an oscillation that today's settings do not explain."""
+    cycle = oscillates(health, tuning, loop)
+    if not cycle or _rolls_by_itself(health, tuning, loop):
+        return ""
+    if tuning.ms is not None:
+        return f"{cycle}, which its settings do not explain (Ms = {tuning.ms:.2f})"
+    return f"{cycle}; whether its settings are the cause is not known"
+
+
+def _rolls_by_itself(health: Health, tuning: Tuning, loop: Loop) -> bool:
+    """Whether the settings of today explain an oscillation: a poorly damped loop, and its own period."""
+    settings = settings_of(loop)
+    period, gain = _period(health), tuning.model.get("gain")
+    if tuning.ms is None or gain is None or period is None or settings is None:
+        return False
+    dead_time, lag = tuning.model.get("dead_time") or 0.0, tuning.model.get("lag") or 0.0
+    integrating = tuning.process == INTEGRATING
+    model = (IntegratingModel if integrating else SelfRegulatingModel)(gain, dead_time, lag)
+    if tuning.ms <= MS_MARGIN_RATIO * loop.ms_max and not integral_too_strong(loop, model):
+        return False
+    # relative to the period seen; the loop's own is where it amplifies most
+    ratio = np.geomspace(1 / 30, 30, 301)
+    omega = 2 * np.pi / period * ratio
+    distance = np.abs(1 + model.frequency_response(omega) * settings.frequency_response(omega))
+    own = float(ratio[int(np.argmin(distance))])
+    return 1 / SAME_PERIOD_RATIO <= own <= SAME_PERIOD_RATIO
+
+
+def _period(health: Health) -> float | None:
+    """Return the period of a loop's cycle [s]: of long, or of single episodes."""
+    return health.oscillation_period if health.oscillating else health.signs.cycle_period
+
+
+def _cycle(health: Health) -> str:
+    period, share = _period(health), health.signs.oscillating_share
+    said = "it oscillates" if period is None else f"it oscillates with a period of {period:.3g} s"
+    if share is None or share > ALWAYS_SHARE or not health.signs.spans:
+        return said
+    spans = ", ".join(f"{iso(s.start)[:19]} to {iso(s.end)[:19]}" for s in health.signs.spans[-MOST_SPANS:])
+    return f"{said}, {share:.0%} of the time ({spans})"
+
+
+def silent(health: Health, _tuning: Tuning, loop: Loop) -> str:
+    silent = health.signs.silent
+    if silent is None or silent.kind == "held" or offset_intended(loop):
+        return ""
+    time = duration(health.signs.silent_time)
+    way = f"OP went by {silent.op_way:+.3g} [OP] in {time}, and PV stayed {-silent.error:+.3g} [PV] from the set point"
+    if silent.op_way * silent.error * math.copysign(1.0, loop.kp or 0.0) < 0.0 and loop.kp:
+        return f"PV does not answer OP: {way}, which is the wrong way for the sign of kp"
+    if silent.kind == "slow_integral":
+        return f"PV does not answer OP: {way}; the integral action is far too slow, or something holds OP"
+    return f"PV does not answer OP: {way}"
+
+
+def without_integral(health: Health, _tuning: Tuning, loop: Loop) -> str:
+    without = loop.kp is not None and math.isinf(loop.ti)
+    if not health.settled_offset or not without or offset_intended(loop):
+        return ""
+    return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: the controller has no integral action"
+
+
+def stays_off(health: Health, tuning: Tuning, loop: Loop) -> str:
+    # a slow integral action looks like none, and a retune cures it
+    slow = tuning.verdict == RETUNE and loop.kp is not None and math.isfinite(loop.ti)
+    if not health.settled_offset or slow or offset_intended(loop) or health.signs.silent is not None:
+        return ""
+    return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: no integral action, or OP held"
+
+
+def noisy(health: Health, _tuning: Tuning, loop: Loop) -> str:
+    if loop.op_span is None or health.op_noise is None:
+        return ""
+    share = 100.0 * health.op_noise / loop.op_span
+    return f"noise moves OP by {share:.2g} % of its span" if share > loop.op_noise_max else ""
+
+
+def _of(value: float | None) -> float:
+    return 0.0 if value is None else value

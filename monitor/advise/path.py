@@ -28,6 +28,8 @@ UNKNOWN_START_RATIO = 4.0
 """Where today's settings are not known, the way comes from settings so many times gentler than the aim."""
 RETREAT_RATIOS = (1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0)
 """Times gentler than an aim that takes gain away, where the model's error asks for more than that."""
+LONGER_RATIOS = (10.0, 6.0, 4.0, 2.5, 1.6)
+"""Times longer an integral time, for a loop that rolls and whose gain may not be raised."""
 WELL_DAMPED_PRODUCT = 4.0
 """Kc K Ti of an integrating loop whose slow swing is damped critically."""
 MS_ON_THE_WAY = "Ms on the way would be too high"
@@ -79,11 +81,12 @@ def way(limits: Limits, guards: Guards, aim: Settings, peaks: tuple[float, float
             if found is not None:
                 return _to(limits, point, found, aim, next(iter(reasons), ""))
             reasons.append(why or MS_ON_THE_WAY)
-    for reason, beside in ((MISFIT, _soft_points), (NEAR_THE_EDGE, _calmer_points)):
-        for point in beside(start, aim, guards) if reason in reasons else ():
+    rolls = without_rolling(start, limits.region) != start
+    for reason, beside in ((MISFIT, _soft_points), (NEAR_THE_EDGE, _calmer_points), ("", _longer_points)):
+        for point in beside(start, aim, guards) if (reason in reasons if reason else rolls) else ():
             found = _safe(limits, point, aim, peaks)
             if found is not None:
-                return replace(_to(limits, point, found, aim, reason), soft=reason == MISFIT)
+                return replace(_to(limits, point, found, aim, reason or reasons[0]), soft=reason == MISFIT)
     return reasons[0] if reasons else NEARLY_THERE
 
 
@@ -91,6 +94,12 @@ def _calmer_points(start: Settings, _: Settings, guards: Guards) -> list[Setting
     """Return settings beside the way for a loop near instability: longer integral times, then less gain, too."""
     longer = [replace(start, ti=rounded(float(start.ti) * ratio)) for ratio in RETREAT_RATIOS]
     points = _distinct(start, [*longer, *(gentler(start, ratio) for ratio in RETREAT_RATIOS)])
+    return [p for p, why in zip(points, guards.refused(points), strict=True) if not why]
+
+
+def _longer_points(start: Settings, _: Settings, guards: Guards) -> list[Settings]:
+    """Return settings of today's gain and a longer integral time, the longest first: a loop that rolls asks for it."""
+    points = _distinct(start, (replace(start, ti=rounded(float(start.ti) * r)) for r in LONGER_RATIOS))
     return [p for p, why in zip(points, guards.refused(points), strict=True) if not why]
 
 

@@ -64,6 +64,8 @@ class Signs:
     """The newest and longest episodes that count, in order of time."""
     judged: float = 0.0
     """Time that was judged [s]."""
+    rests: bool = False
+    """Whether PV does not move at all in most blocks in which SP or OP does."""
     too_fast: bool = False
     """Whether the error swings faster than the sampling resolves."""
     silent: NoResponse | None = None
@@ -95,6 +97,8 @@ class Diagnosis:
     """Time of the blocks of samples since sums were halved [s]."""
     fast: float = 0.0
     """Of it, in blocks that swing faster than the sampling [s]."""
+    rested: float = 0.0
+    """Of it, in blocks in which PV does not move, but SP or OP does [s]."""
     silent: NoResponse | None = None
     silent_since: int = 0
     silent_time: float = 0.0
@@ -113,6 +117,8 @@ class Diagnosis:
         self._listen(block)
         if block.level == 0:
             self.fast += n * block.period if too_fast(error) else 0.0
+            still = float(np.ptp(block.pv)) == 0.0 < max(float(np.ptp(block.sp)), float(np.ptp(block.op)))
+            self.rested += n * block.period if still else 0.0
             self.judged += n * block.period
             self.period = block.period
             moves = tracking_of(block.sp, block.pv, block.period, _noise(block.pv))
@@ -134,6 +140,7 @@ class Diagnosis:
         """Let what is old count half."""
         self.judged *= 0.5
         self.fast *= 0.5
+        self.rested *= 0.5
         for episodes in self.episodes:
             episodes.decay()
 
@@ -148,6 +155,7 @@ class Diagnosis:
             cycle_period=own.period,
             spans=tuple(s for s in own.spans if s.strong),
             judged=self.judged,
+            rests=self.rested > 0.5 * self.judged,
             too_fast=self.fast > 0.5 * self.judged,
             silent=self.silent,
             silent_since=self.silent_since,

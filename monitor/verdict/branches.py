@@ -1,4 +1,4 @@
-"""What the branches of the tree of verdicts look for: each returns what it finds in plain words, empty where nothing."""
+"""What the tree's branches look for: each returns in plain words what it finds, and nothing where that is nothing."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from monitor.assess.reference import settings_of
 from monitor.assess.tuning import MS_MARGIN_RATIO, integral_too_strong
 from monitor.contract.loops import Loop, offset_intended
-from monitor.contract.records import RETUNE
+from monitor.contract.records import GOOD, RETUNE
 from monitor.contract.text import duration
 from monitor.contract.times import iso
 from monitor.health.loop_health import Health
-from tuners.models import INTEGRATING, IntegratingModel, SelfRegulatingModel
+from tuners.models import INTEGRATING, SELF_REGULATING, IntegratingModel, SelfRegulatingModel
 
 from .parts import Tuning
 from .routine import LED_SP_SHARE
@@ -47,7 +47,11 @@ def idle(health: Health, _tuning: Tuning, _loop: Loop) -> str:
 
 
 def stuck(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    return "PV is frozen while the output moves" if health.stuck else ""
+    if health.stuck:
+        return "PV is frozen while the output moves"
+    if health.signs.rests and health.dead_band is None:
+        return "PV did not move once while the set point or OP did: no flow, or a frozen signal"
+    return ""
 
 
 def mapping(health: Health, _tuning: Tuning, _loop: Loop) -> str:
@@ -145,7 +149,7 @@ def oscillates(health: Health, _tuning: Tuning, _loop: Loop) -> str:
 def oscillates_otherwise(health: Health, tuning: Tuning, loop: Loop) -> str:
     """Name an oscillation that today's settings do not explain."""
     cycle = oscillates(health, tuning, loop)
-    if not cycle or _rolls_by_itself(health, tuning, loop):
+    if not cycle or _rolls_by_itself(health, tuning, loop) or trapped(health, tuning, loop):
         return ""
     if tuning.ms is not None:
         return f"{cycle}, which its settings do not explain (Ms = {tuning.ms:.2f})"
@@ -171,6 +175,27 @@ def _rolls_by_itself(health: Health, tuning: Tuning, loop: Loop) -> bool:
     return 1 / SAME_PERIOD_RATIO <= own <= SAME_PERIOD_RATIO
 
 
+def trapped(health: Health, tuning: Tuning, loop: Loop) -> str:
+    """Explain a cycle by an integral action too strong for an integrating process, whose gain the cycle itself shows.
+
+    Empty where the process is not integrating, or would swing at another period: ``2 pi sqrt(Ti/(Kc K))`` (derived).
+    """
+    cycle, settings = health.signs.gain, settings_of(loop)
+    if tuning.ms is not None or not oscillates(health, tuning, loop):
+        return ""  # the events tell more
+    if cycle is None or not cycle.integrating or settings is None or loop.process == SELF_REGULATING:
+        return ""
+    too_strong = integral_too_strong(loop, IntegratingModel(cycle.gain, cycle.dead_time))
+    if not too_strong:
+        return ""
+    standard = settings.to("standard")
+    own = 2.0 * math.pi * math.sqrt(abs(float(standard.ti) / (float(standard.kp) * cycle.gain)))
+    if not 1 / SAME_PERIOD_RATIO <= own / cycle.period <= SAME_PERIOD_RATIO:
+        return ""
+    gain = f"gain about {cycle.gain:.2g} [PV/(OP s)], by the amplitudes of PV and OP in the cycle"
+    return f"{_cycle(health)}: {too_strong} ({gain})"
+
+
 def _period(health: Health) -> float | None:
     """Return the period of a loop's cycle [s]: of long, or of single episodes."""
     return health.oscillation_period if health.oscillating else health.signs.cycle_period
@@ -185,9 +210,11 @@ def _cycle(health: Health) -> str:
     return f"{said}, {share:.0%} of the time ({spans})"
 
 
-def silent(health: Health, _tuning: Tuning, loop: Loop) -> str:
+def silent(health: Health, tuning: Tuning, loop: Loop) -> str:
     silent = health.signs.silent
     if silent is None or silent.kind == "held" or offset_intended(loop):
+        return ""
+    if tuning.verdict in (GOOD, RETUNE):  # events have shown how PV answers
         return ""
     time = duration(health.signs.silent_time)
     way = f"OP went by {silent.op_way:+.3g} [OP] in {time}, and PV stayed {-silent.error:+.3g} [PV] from the set point"

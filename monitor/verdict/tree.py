@@ -24,6 +24,8 @@ from . import branches
 from .parts import Tuning
 from .routine import routine
 
+REPEATED_LETTERS = 24
+"""By which two findings that begin alike are one, with other figures."""
 WITHHOLDS, EXPLAINS, MARKS, WORDS = "withholds", "explains", "marks", "says"
 """What a branch does: overrules any verdict on the tuning (`inconclusive`); says why a loop was not assessed; only sets
 its flag; or is said beside the verdict, and says why a loop was not assessed."""
@@ -80,10 +82,10 @@ def _tracking(health: Health, verdict: str, reason: str, action: str) -> tuple[s
     signs = health.signs
     within, sampled = duration(signs.follows_within or 0.0), duration(signs.period or 0.0)
     if signs.tracks == "tracks":
+        unseen = f"its dead time cannot be seen at samples of {sampled}"
         return (
             GOOD,
-            f"PV follows the set point within {within}, without overshoot or ringing; its dead time cannot be seen at "
-            f"samples of {sampled}",
+            f"PV follows the set point within {within}, without overshoot or ringing; {unseen}",
             "none",
         )
     how = "overshoots and rings" if signs.tracks == "rings" else "creeps up to it"
@@ -100,7 +102,8 @@ def _over(tuning: Tuning, said: str) -> str:
     """Put a branch's finding before what the events said."""
     if tuning.verdict == RETUNE:
         return f"{said}; a retune is withheld ({tuning.reason})"
-    return f"{said}; {tuning.reason}" if tuning.verdict == INCONCLUSIVE else said
+    repeats = tuning.reason[:REPEATED_LETTERS] == said[:REPEATED_LETTERS]
+    return f"{said}; {tuning.reason}" if tuning.verdict == INCONCLUSIVE and not repeats else said
 
 
 _LOOK = "find out what changed, and judge the loop on data from after it"
@@ -112,6 +115,7 @@ _WIRING = "check the loop's tags in the loop table against the plant"
 _FACEPLATE = "compare form, kp, ti and td of the loop table with the block's faceplate, units included"
 _LAW = "find out what else moves OP: a gap, a gain that follows the error, an override, a feed-forward"
 _VALVE = "check the valve and its positioner before the tuning: stroke it in manual and see whether the cycle stops"
+_LONGER = "lengthen the integral time as said; then a set-point step shows what else can be gained"
 _OTHERS = "find the source first: in manual, does the cycle stay? Then it comes from outside"
 _ROOM = "look for the bottleneck (valve size, bypass, pump), or a set point within reach"
 _SHUT = (
@@ -147,6 +151,7 @@ TREE = (
     # is it the valve?
     Branch("stiction", branches.sticks, WITHHOLDS, _VALVE),
     # does it oscillate for another reason?
+    Branch("oscillating", branches.trapped, WITHHOLDS, _LONGER),
     Branch("oscillating", branches.oscillates_otherwise, WITHHOLDS, _OTHERS),
     Branch("oscillating", branches.oscillates, MARKS, ""),
     # then the tuning; what else is worth a word

@@ -17,7 +17,7 @@ from monitor.verdict.tree import TREE, WITHHOLDS
 FLAGS = {
     "manual", "saturated", "stuck_pv", "idle", "stale", "oscillating", "stiction", "offset", "compressed",
     "undersampled", "mapping_suspect", "config_change", "cascade_slave", "noisy_op", "no_integral",
-    "permanent_upset", "settings_mismatch", "exception_reported",
+    "permanent_upset", "settings_mismatch", "exception_reported", "no_response", "two_valued_op",
 }  # fmt: skip
 
 LOOP = Loop(name="LIC-1", kp=2.0, ti=100.0, op_low=0.0, op_high=100.0)

@@ -13,6 +13,7 @@ import numpy as np
 
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, LOAD, SETPOINT, UNDECIDED, Assessment, event_id
+from monitor.contract.samples import Array
 from monitor.detect.event import (
     BY_MOVING,
     CAUSES,
@@ -94,6 +95,10 @@ class Finding:
     """Nothing happened: a suspected load that began before the data, a gap or automatic did."""
     stepped: bool = True
     """Set point or load stepped: the reference's error is known for any model."""
+    op_levels: tuple[float, float] = (0.0, 0.0)
+    """Between which OP was for most of the time after the onset [OP]."""
+    pv_levels: tuple[float, float] = (0.0, 0.0)
+    """And PV [PV]."""
 
     @property
     def swing(self) -> float:
@@ -173,12 +178,20 @@ def assess_event(
         period=event.period,
         error=event.iae - event.iae_noise,
         stepped=event.kind != SETPOINT_RAMP,
+        op_levels=_levels(event.window.op[event.window.before :]),
+        pv_levels=_levels(event.window.pv[event.window.before :]),
         at_limit=bool(limited),
         damped=figures.damped,
         predicted=figures.predicted,
     )
     thorough = thorough or verdict != GOOD or not figures.far_above(loop.ci_min)
     return _with_rivals(finding, event, shown) if thorough and finding.is_event else finding
+
+
+def _levels(values: Array) -> tuple[float, float]:
+    """Return between which values a signal was for most of the time."""
+    low, high = np.quantile(values, (0.1, 0.9))
+    return float(low), float(high)
 
 
 def _with_rivals(finding: Finding, event: ClosedEvent, shown: Shown) -> Finding:

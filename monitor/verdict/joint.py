@@ -9,6 +9,8 @@ from monitor.assess.event import Finding
 from monitor.assess.evidence import is_wide
 from monitor.identify.fit import Fit, combine, contradictory
 
+from .gains import goes_with
+
 
 def narrow_together(wide: list[Finding]) -> bool:
     """Whether events, of which none knows the gain well enough, know it together."""
@@ -32,5 +34,6 @@ def joint_of(usable: list[Finding]) -> tuple[Fit | None, str]:
         return None, "the events contradict each other in the sign of the gain"
     joint = combine(fits)
     if contradictory(fits, joint):
-        return joint, "the events contradict each other: their gains differ beyond chance"
+        why = goes_with([f for f in usable if f.fit in fits]) or "their gains differ beyond chance"
+        return joint, f"the events contradict each other: {why}"
     return joint, ""

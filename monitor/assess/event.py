@@ -189,9 +189,9 @@ def assess_event(
 
 
 def _levels(values: Array) -> tuple[float, float]:
-    """Return between which values a signal was for most of the time."""
+    """Return between which values a signal was for most of the time, and where it came from."""
     low, high = np.quantile(values, (0.1, 0.9))
-    return float(low), float(high)
+    return min(float(low), float(values[0])), max(float(high), float(values[0]))
 
 
 def _with_rivals(finding: Finding, event: ClosedEvent, shown: Shown) -> Finding:

@@ -50,7 +50,7 @@ def test_an_event_that_crosses_the_value_shows_something_between():
         event(0.0165, 51, 12),
         event(0.0102, 52, 60),
     ]
-    assert "with PV below 31" in goes_with(events)
+    assert "is 0.017 with PV below 21.2 and 0.01 above" in goes_with(events)
 
 
 @pytest.mark.parametrize("gains", [[0.02, 0.08, 0.02, 0.08], [0.02, 0.08], [0.02, 0.0201, 0.0199]])

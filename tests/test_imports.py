@@ -30,7 +30,16 @@ STATIONS: dict[str, tuple[str, ...]] = {
     "adapters": ("contract", "wire", "compiled"),
     "view": ("contract", "wire", "adapters"),
     "service": (
-        *("compiled", "contract", "engine", "verdict.stale", "verdict.row", "wire", "adapters"),
+        *(
+            "compiled",
+            "contract",
+            "engine",
+            "verdict.stale",
+            "verdict.row",
+            "verdict.together",
+            "wire",
+            "adapters",
+        ),
         "view.process",
     ),
     "audit": ("contract", "engine", "verdict", "adapters"),

@@ -13,6 +13,7 @@ from monitor.adapters.files import write_text
 from monitor.adapters.historian.rows import Tally, UnusableError
 from monitor.adapters.tables import write_tables
 from monitor.verdict.row import worst_first
+from monitor.verdict.together import cycling_together
 
 from .about import AUDIT_SCHEMA, about, counted, loops_left_out, package_version, problems, why_nothing
 from .inputs import Inputs, find, identity
@@ -129,7 +130,7 @@ class Audit:
         seconds = all(s.clock.numeric for s in inputs.sources)
         reach = _reach(self.parts)
         silence = Silence(reach[0], end_of_most(p.last for p in self.parts))
-        rows = sorted((r for p in self.parts for r in silence.rows(p)), key=worst_first)
+        rows = sorted(cycling_together([r for p in self.parts for r in silence.rows(p)]), key=worst_first)
         self.out.mkdir(parents=True, exist_ok=True)
         files = write_tables(self.out, events, rows, seconds=seconds)
         counts = counted(tally, samples, len(events), rows)

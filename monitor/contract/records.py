@@ -146,6 +146,11 @@ class LoopRow(msgspec.Struct, frozen=True, kw_only=True):
     oscillation_regularity: float | None = None
     oscillating_share: float | None = None
     """Of the judged time."""
+    oscillation_amplitude: float | None = None
+    """Of the longest episode [PV]."""
+    oscillation_start: float | None = None
+    """Of the first episode that is kept, and end of the last [s since 1970]."""
+    oscillation_end: float | None = None
     stiction: float | None = None
     harris: float | None = None
     compression: float | None = None

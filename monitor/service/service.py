@@ -26,6 +26,7 @@ from monitor.contract.times import iso
 from monitor.engine import Engine
 from monitor.verdict.row import worst_first
 from monitor.verdict.stale import mark_stale
+from monitor.verdict.together import cycling_together
 from monitor.wire.decode import Decoder
 from monitor.wire.encode import JSON_MIME, decode_event, decode_plan
 
@@ -261,7 +262,7 @@ class Service:
 
     def rows(self) -> list[LoopRow]:
         """Return all loops' rows, worst first."""
-        return sorted(map(self.row, self.loops.by_name.values()), key=worst_first)
+        return sorted(cycling_together([*map(self.row, self.loops.by_name.values())]), key=worst_first)
 
     # -- begin and end ------------------------------------------------------------------------------
 

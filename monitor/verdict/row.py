@@ -71,10 +71,25 @@ def _of_health(health: Health) -> Figures:
         "oscillation_period": health.oscillation_period,
         "oscillation_regularity": health.oscillation_regularity,
         "oscillating_share": health.signs.oscillating_share,
+        **_of_episodes(health),
         "stiction": health.stiction,
         "harris": health.harris,
         "compression": health.compression,
     }
+
+
+def _of_episodes(health: Health) -> Figures:
+    """Return the columns of a loop's episodes of oscillation, where it is said to oscillate."""
+    spans = health.signs.spans
+    if not spans or not (health.oscillating or health.signs.oscillating):
+        return {}
+    longest = max(spans, key=lambda span: span.duration)
+    ends: Figures = {
+        "oscillation_start": spans[0].start * 1e-9,
+        "oscillation_end": max(s.end for s in spans) * 1e-9,
+    }
+    own = {"oscillation_period": longest.period} if health.oscillation_period is None else {}
+    return {**ends, **own, "oscillation_amplitude": longest.amplitude}
 
 
 def _of_today(loop: Loop) -> Figures:

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 LEAST_CYCLES = 5.5
 """In a span: two windows half a cycle apart agree on it."""
+ALONE_SCORE = 0.75
+"""From which on one window suffices."""
 MULTIPLE_RATIO = 2.5
 """From which on a longer period at the same time is an odd multiple of the shorter, or a slower swing beneath it."""
 STRONGER_RATIO = 1.3
@@ -85,7 +87,7 @@ def episodes_of(error: Array, period: float, sp: Array | None = None) -> list[Ep
     if sd <= 1e-10 * float(np.max(np.abs(error))):  # a constant, and rounding
         return []
     moves = np.zeros(n) if sp is None else np.asarray(sp, dtype=np.float64) - float(sp[0])
-    spans = [s for s in _joined(runs_of(error, moves)) if s[1] - s[0] >= LEAST_CYCLES * s[2]]
+    spans = [s for s in _joined(runs_of(error, moves)) if s[1] - s[0] >= LEAST_CYCLES * s[2] or s[4] >= ALONE_SCORE]
     found = [
         Episode(int(a), int(b), p * period, amplitude, score, amplitude >= AMPLITUDE_SHARE * sd)
         for a, b, p, amplitude, score in _without_multiples(spans)
@@ -107,7 +109,7 @@ def _span(rows: Array) -> Span:
     score = rows[:, 4] / rows[:, 3]
     weight = rows[:, 3] * (score - 0.5) ** 2
     weight /= weight.sum()
-    period = math.exp(float(weight @ np.log(rows[:, 2])))
+    period = math.exp(float(weight @ np.log(rows[:, 2] / rows[:, 3])))
     amplitude = float(weight @ (rows[:, 5] / rows[:, 3]))
     return float(rows[:, 0].min()), float(rows[:, 1].max()), float(period), amplitude, float(score.max())
 

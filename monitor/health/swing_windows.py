@@ -28,7 +28,7 @@ FINEST_AVERAGES, COARSEST_AVERAGES = 3.9, 14.0
 """Averages in a cycle: the fewest at the finest level, the most at any, half as many the fewest at the others."""
 LAGS = 32
 """Columns of the table: two of the longest cycles, and a neighbour to interpolate, rounded up to whole vectors."""
-LEAST_SCORE = 0.6
+LEAST_SCORE = 0.5
 """Score of a window that counts: 1 for a sine, 0 for noise, whose score over five cycles has a deviation of 0.1 to
 0.15."""
 GATE_ACF = 0.2

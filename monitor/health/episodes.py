@@ -34,7 +34,7 @@ TIME_SHARE = 0.3
 ALTERNATING_ACF, ALTERNATING_SAMPLES = -0.5, 200
 """Autocorrelation after one sample below which what swings is faster than the sampling: differences of white noise
 have -0.5; and the fewest samples for it, whose error is then 0.05."""
-ALTERNATING_SD = 2.0
+ALTERNATING_SD = 3.0
 """By so many of its own errors it must lie below, lest differences of noise count in every other record."""
 MOST_SPANS = 16
 """Kept of a loop: half of them the newest, half the longest."""
@@ -83,8 +83,6 @@ def episodes_of(error: Array, period: float, sp: Array | None = None) -> list[Ep
     if n < WINDOW_CYCLES * FINEST_AVERAGES or not np.isfinite(error).all():
         return None
     sd = float(np.std(error))
-    if sd <= 1e-10 * float(np.max(np.abs(error))):  # a constant, and rounding
-        return []
     moves = np.zeros(n) if sp is None else np.asarray(sp, dtype=np.float64) - float(sp[0])
     spans = [s for s in _joined(runs_of(error, moves)) if s[4] >= _least_score((s[1] - s[0]) / s[2])]
     found = [
@@ -150,7 +148,7 @@ class LoopSpan:
 
     @property
     def duration(self) -> float:
-        """[s]"""
+        """From start to end [s]."""
         return (self.end - self.start) / NS
 
 
@@ -273,4 +271,7 @@ def too_fast(error: Array) -> bool:
         return False
     x = error - np.mean(error)
     energy = float(x @ x)
-    return energy > 0.0 and float(x[1:] @ x[:-1]) < (ALTERNATING_ACF - ALTERNATING_SD * 0.7 / math.sqrt(n)) * energy
+    return (
+        energy > 0.0
+        and float(x[1:] @ x[:-1]) < (ALTERNATING_ACF - ALTERNATING_SD * 0.7 / math.sqrt(n)) * energy
+    )

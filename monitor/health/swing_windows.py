@@ -2,7 +2,7 @@
 
 The record is averaged over 1, 2, 4, ... samples, so that a cycle has 7 to 14 averages (from 4 at the finest). In a
 window of five cycles of a period, freed of mean and slope, the record is held against itself, shifted by whole and by
-half cycles: a swing is alike after a whole one and opposite after a half. Sums of products over any window are
+half cycles: a swing is alike after a whole one, which counts twice, and opposite after a half. Sums of products over any window are
 differences of two rows of a table of running sums, so that a window costs the same whatever its length.
 """
 
@@ -29,11 +29,11 @@ FINEST_AVERAGES, COARSEST_AVERAGES = 3.9, 14.0
 LAGS = 32
 """Columns of the table: two of the longest cycles, and a neighbour to interpolate, rounded up to whole vectors."""
 LEAST_SCORE = 0.5
-"""Score of a window that counts: 1 for a sine, 0 for noise, whose score over five cycles has a deviation of 0.1 to
-0.15."""
+"""Score of a window that counts: 1 for a sine, a triangle or a square, 0.83 for a sawtooth, 0 for noise, whose score
+over five cycles has a deviation of 0.1 to 0.15."""
 GATE_ACF = 0.2
 """Autocorrelation after a cycle, in whole averages, below which a period is not looked at in a window: the score asks
-for 0.4 (were half a cycle's -1), at the best period near it."""
+for 0.25 (were half a cycle's -1)."""
 NEARLY = 0.2
 """By which the score of the period tried may lie below, where the best one near it reaches it."""
 CYCLE_SHARE = 0.3
@@ -46,6 +46,8 @@ SETPOINT_TRAVEL = 1.0
 set point that goes to and fro with the cycle travels twice its step, or four times its amplitude."""
 SAME_PERIOD_RATIO = 1.2
 """Between periods of runs that are one oscillation: a limit cycle drifts that much."""
+ROUNDING_SHARE = 1e-9
+"""Of the error: what is left of a constant or of a ramp."""
 RUN_COLUMNS = 7
 MOST_RUNS = 256
 """Rows of results: runs of windows at one period. More than that in one record is noise."""
@@ -63,7 +65,7 @@ def runs_of(error: Array, sp: Array) -> Array:
     -------
     ndarray
         (M, 7): first sample, one past the last, sum over windows of their period [samples], windows, sums of score
-        and of amplitude [PV], and the number of the first run that is one oscillation with this one, by time and period.
+        and of amplitude [PV], and the lowest number of a run that is one oscillation with this one.
     """
     n = len(error)
     middle = np.arange(n) - 0.5 * (n - 1)
@@ -71,6 +73,8 @@ def runs_of(error: Array, sp: Array) -> Array:
     x[0, :n] = error - np.mean(error)
     x[0, :n] -= middle * (x[0, :n] @ middle / (middle @ middle))  # lest sums be differences of large numbers
     x[1, :n] = sp
+    if np.max(np.abs(x[0])) <= ROUNDING_SHARE * np.max(np.abs(error)):
+        return np.empty((0, RUN_COLUMNS))
     out = np.empty((MOST_RUNS, RUN_COLUMNS))
     return out[: _search(x, n, np.empty((4, n + 1)), np.empty((n + 1, LAGS)), out)]
 
@@ -137,7 +141,7 @@ def _sum_up(x, n, line, products):
 @jit
 def _look(x, n, line, products, p, width, out, count):
     """Look at a period, in windows half a cycle apart; add its runs to ``out``, and return how many there are."""
-    length, at = min(int(round(WINDOW_CYCLES * p)), n), int(round(p))
+    length, at = min(round(WINDOW_CYCLES * p), n), round(p)
     last = -2
     for j in range(int(2.0 * (n - length) / p) + 1):
         start = int(0.5 * p * j)
@@ -173,7 +177,7 @@ def _window(x, line, products, start, length, p):
     total = line[0, end] - line[0, start]
     mean = total / length
     slope = (line[1, end] - line[1, start] - middle * total) * 12.0 / (length * (length * length - 1.0))
-    if _acf(line, products, start, length, int(round(p)), mean, slope) < GATE_ACF:
+    if _acf(line, products, start, length, round(p), mean, slope) < GATE_ACF:
         return 0.0, 0.0, 0.0
     once = _swing(line, products, start, length, p, 0.5 * p, mean, slope)
     best, period = 0.0, p

@@ -202,7 +202,9 @@ def ramped_load(rng: np.random.Generator) -> Record:
     slope = log_uniform(rng, 0.002, 0.02) * rng.choice([-1.0, 1.0])
     load = Steps(tuple(times), tuple(np.full(len(times), 4.0 * slope)))
     seed = int(rng.integers(2**62))
-    return record(LoopSpec("x", plant, controller, pv0=50.0, op0=50.0, load=load, noise=0.1, seed=seed), BLOCK)
+    return record(
+        LoopSpec("x", plant, controller, pv0=50.0, op0=50.0, load=load, noise=0.1, seed=seed), BLOCK
+    )
 
 
 def moves(rng: np.random.Generator, kind: str) -> Record:
@@ -216,7 +218,9 @@ def moves(rng: np.random.Generator, kind: str) -> Record:
     if kind == "ringing":
         controller = at_sensitivity(plant, controller, 1.0, log_uniform(rng, 3.5, 8.0))
     if kind == "crawling":
-        controller = replace(controller, kp=0.1 * controller.kp, ti=controller.ti * log_uniform(rng, 1.0, 4.0))
+        controller = replace(
+            controller, kp=0.1 * controller.kp, ti=controller.ti * log_uniform(rng, 1.0, 4.0)
+        )
     count = int(rng.integers(2, 6))
     gap = (BLOCK - 150) // count
     times = tuple(float(100 + k * gap + rng.integers(0, gap // 4)) for k in range(count))

@@ -2,8 +2,8 @@
 
 The record is averaged over 1, 2, 4, ... samples, so that a cycle has 7 to 14 averages (from 4 at the finest). In a
 window of five cycles of a period, freed of mean and slope, the record is held against itself, shifted by whole and by
-half cycles: a swing is alike after a whole one, which counts twice, and opposite after a half. Sums of products over any window are
-differences of two rows of a table of running sums, so that a window costs the same whatever its length.
+half cycles: a swing is alike after a whole one, which counts twice, and opposite after a half. Sums of products over
+any window are differences of two rows of a table of running sums, so that a window costs the same whatever its length.
 """
 
 from __future__ import annotations

@@ -32,6 +32,8 @@ PHASE_SLACK = math.radians(12.0)
 EXPLAINED_SHARE = 0.5
 """Least share of each signal's variance, freed of a slope in each cycle, at the cycle's frequency: sine 1, square
 0.8, sawtooth 0.6."""
+ROUNDING_SHARE = 1e-9
+"""Of a signal: what is left of a constant."""
 T_95 = (12.7, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23)
 """Student's t at 97.5 %, by degrees of freedom from 1 on; 2.2 from there on."""
 
@@ -132,6 +134,7 @@ def _sharpened(x: Array, length: float) -> float:
 def _harmonics(x: Array, length: float) -> tuple[NDArray[np.complex128], float]:
     """Return each whole cycle's first harmonic, and its share of the variance about a slope in each cycle."""
     harmonics, of_first, of_all = [], 0.0, 0.0
+    least = len(x) * (ROUNDING_SHARE * float(np.max(np.abs(x)))) ** 2
     for k in range(int((len(x) + 0.5) / length)):
         at = np.arange(round(k * length), min(round((k + 1) * length), len(x)))
         angle = 2.0 * np.pi * at / length
@@ -145,4 +148,4 @@ def _harmonics(x: Array, length: float) -> tuple[NDArray[np.complex128], float]:
         without = x[at] - line @ found[:2]
         of_all += float(np.sum((without - np.mean(without)) ** 2))
         of_first += float(np.sum((wave @ found[2:]) ** 2))
-    return np.array(harmonics, dtype=np.complex128), of_first / of_all if of_all > 0.0 else 0.0
+    return np.array(harmonics, dtype=np.complex128), of_first / of_all if of_all > least else 0.0

@@ -1,7 +1,7 @@
 """When a loop oscillated: spans of a record, some cycles long, and what share of the time they take.
 
 The long-run votes of `oscillation` need a level's blocks; a record of five cycles has none, and hunting by the hour is
-outvoted by the quiet in between. Here each span of at least `LEAST_CYCLES` cycles is found for itself
+outvoted by the quiet in between. Here each span of five cycles or more is found for itself
 (`swing_windows`), with its start and end, and spans are put together over a loop's consecutive blocks.
 
 An oscillation is not told from a load that swings by itself; whose it is, `cycle_gain` and the tuning tell.
@@ -19,8 +19,9 @@ from .swing_windows import FINEST_AVERAGES, SAME_PERIOD_RATIO, WINDOW_CYCLES, ru
 
 Array = NDArray[np.float64]
 
-LEAST_CYCLES = 5.5
-"""In a span: two windows half a cycle apart agree on it."""
+CYCLES_AND_SCORE = ((0.0, 0.75), (5.5, 0.6), (7.0, 0.55), (9.0, 0.5))
+"""Cycles in a span from which on a best score suffices: one window alone must be clear, in two that agree noise is
+as good as never, and the longer it lasts, the fainter it may be."""
 MULTIPLE_RATIO = 2.5
 """From which on a longer period at the same time is an odd multiple of the shorter, or a slower swing beneath it."""
 STRONGER_RATIO = 1.3
@@ -33,7 +34,7 @@ TIME_SHARE = 0.3
 ALTERNATING_ACF, ALTERNATING_SAMPLES = -0.5, 200
 """Autocorrelation after one sample below which what swings is faster than the sampling: differences of white noise
 have -0.5; and the fewest samples for it, whose error is then 0.05."""
-ALTERNATING_SD = 2.0
+ALTERNATING_SD = 3.0
 """By so many of its own errors it must lie below, lest differences of noise count in every other record."""
 MOST_SPANS = 16
 """Kept of a loop: half of them the newest, half the longest."""
@@ -82,10 +83,8 @@ def episodes_of(error: Array, period: float, sp: Array | None = None) -> list[Ep
     if n < WINDOW_CYCLES * FINEST_AVERAGES or not np.isfinite(error).all():
         return None
     sd = float(np.std(error))
-    if sd <= 1e-10 * float(np.max(np.abs(error))):  # a constant, and rounding
-        return []
     moves = np.zeros(n) if sp is None else np.asarray(sp, dtype=np.float64) - float(sp[0])
-    spans = [s for s in _joined(runs_of(error, moves)) if s[1] - s[0] >= LEAST_CYCLES * s[2]]
+    spans = [s for s in _joined(runs_of(error, moves)) if s[4] >= _least_score((s[1] - s[0]) / s[2])]
     found = [
         Episode(int(a), int(b), p * period, amplitude, score, amplitude >= AMPLITUDE_SHARE * sd)
         for a, b, p, amplitude, score in _without_multiples(spans)
@@ -107,9 +106,14 @@ def _span(rows: Array) -> Span:
     score = rows[:, 4] / rows[:, 3]
     weight = rows[:, 3] * (score - 0.5) ** 2
     weight /= weight.sum()
-    period = math.exp(float(weight @ np.log(rows[:, 2])))
+    period = math.exp(float(weight @ np.log(rows[:, 2] / rows[:, 3])))
     amplitude = float(weight @ (rows[:, 5] / rows[:, 3]))
     return float(rows[:, 0].min()), float(rows[:, 1].max()), float(period), amplitude, float(score.max())
+
+
+def _least_score(cycles: float) -> float:
+    """Return the best score that a span of so many cycles must have."""
+    return min(score for least, score in CYCLES_AND_SCORE if cycles >= least)
 
 
 def _without_multiples(spans: list[Span]) -> list[Span]:
@@ -144,7 +148,7 @@ class LoopSpan:
 
     @property
     def duration(self) -> float:
-        """[s]"""
+        """From start to end [s]."""
         return (self.end - self.start) / NS
 
 

@@ -35,7 +35,7 @@ RANGE_SHARE = 0.3
 LAST_SHARE, LATER_SHARE = 0.7, 0.8
 """Least error in the last fifth over that in the first; in the second half over the first: it does not come back."""
 HARDLY_SHARE = 0.02
-"""Of OP's span: net way below which the integral is called far too slow, since OP could have gone fifty times as far."""
+"""Of OP's span: net way below which the integral is called far too slow: OP could go fifty times as far."""
 HELD_SHARE = 1e-6
 """Of OP's size: range within which it does not move at all; rounding of a historian's floats is 1e-7."""
 RESTS_SHARE = 0.05
@@ -66,7 +66,7 @@ class NoResponse:
     op_way: float
     """Net way of OP, signed [OP]."""
     right_way: bool | None
-    """Whether OP goes where it would take the error away; None where the controller's sign is not given, or OP rests."""
+    """Whether OP goes where it takes the error away; None where the controller's sign is not known, or OP rests."""
     at_extreme: bool
     """Whether OP ends at its highest or lowest of the record, and rests there."""
 

@@ -2,8 +2,8 @@
 
 The record is averaged over 1, 2, 4, ... samples, so that a cycle has 7 to 14 averages (from 4 at the finest). In a
 window of five cycles of a period, freed of mean and slope, the record is held against itself, shifted by whole and by
-half cycles: a swing is alike after a whole one and opposite after a half. Sums of products over any window are
-differences of two rows of a table of running sums, so that a window costs the same whatever its length.
+half cycles: a swing is alike after a whole one, which counts twice, and opposite after a half. Sums of products over
+any window are differences of two rows of a table of running sums, so that a window costs the same whatever its length.
 """
 
 from __future__ import annotations
@@ -19,19 +19,23 @@ Array = NDArray[np.float64]
 
 WINDOW_CYCLES = 5.0
 """In a window: with fewer, noise of any colour looks regular too often."""
+LEAST_WINDOW_CYCLES = 4.75
+"""In the window of the longest periods, which is the whole record."""
 PERIODS_AN_OCTAVE = 7
-"""Periods tried: a factor of 1.104; halfway between two, a swing is shifted by 10 % of its cycle after two."""
+"""Periods tried, a factor of 1.104; each with one a third of that shorter and longer, so that halfway between two a
+swing is shifted by 3 % of its cycle after two."""
 FINEST_AVERAGES, COARSEST_AVERAGES = 3.9, 14.0
 """Averages in a cycle: the fewest at the finest level, the most at any, half as many the fewest at the others."""
 LAGS = 32
 """Columns of the table: two of the longest cycles, and a neighbour to interpolate, rounded up to whole vectors."""
-LEAST_SCORE = 0.6
-"""Score of a window that counts: 1 for a sine, 0 for noise, whose score over five cycles has a deviation of 0.1 to
-0.15."""
-GATE_ACF = LEAST_SCORE * 2.0 - 1.0
-"""Autocorrelation after a cycle below which the score cannot be reached, were half a cycle's -1."""
-GATE_SLACK = 0.1
-"""By which it is lowered for a lag rounded to whole averages."""
+LEAST_SCORE = 0.5
+"""Score of a window that counts: 1 for a sine, a triangle or a square, 0.83 for a sawtooth, 0 for noise, whose score
+over five cycles has a deviation of 0.1 to 0.15."""
+GATE_ACF = 0.2
+"""Autocorrelation after a cycle, in whole averages, below which a period is not looked at in a window: the score asks
+for 0.25 (were half a cycle's -1)."""
+NEARLY = 0.2
+"""By which the score of the period tried may lie below, where the best one near it reaches it."""
 CYCLE_SHARE = 0.3
 """Least energy of each of the five cycles over their mean: what dies away or passes is no swing that lasts."""
 FULL_SHARE = 0.65
@@ -42,6 +46,8 @@ SETPOINT_TRAVEL = 1.0
 set point that goes to and fro with the cycle travels twice its step, or four times its amplitude."""
 SAME_PERIOD_RATIO = 1.2
 """Between periods of runs that are one oscillation: a limit cycle drifts that much."""
+ROUNDING_SHARE = 1e-9
+"""Of the error: what is left of a constant or of a ramp."""
 RUN_COLUMNS = 7
 MOST_RUNS = 256
 """Rows of results: runs of windows at one period. More than that in one record is noise."""
@@ -58,8 +64,8 @@ def runs_of(error: Array, sp: Array) -> Array:
     Returns
     -------
     ndarray
-        (M, 7): first sample, one past the last, period [samples], windows, sums over them of score and of amplitude
-        [PV], and the number of the first run that is one oscillation with this one, by time and period.
+        (M, 7): first sample, one past the last, sum over windows of their period [samples], windows, sums of score
+        and of amplitude [PV], and the lowest number of a run that is one oscillation with this one.
     """
     n = len(error)
     middle = np.arange(n) - 0.5 * (n - 1)
@@ -67,6 +73,8 @@ def runs_of(error: Array, sp: Array) -> Array:
     x[0, :n] = error - np.mean(error)
     x[0, :n] -= middle * (x[0, :n] @ middle / (middle @ middle))  # lest sums be differences of large numbers
     x[1, :n] = sp
+    if np.max(np.abs(x[0])) <= ROUNDING_SHARE * np.max(np.abs(error)):
+        return np.empty((0, RUN_COLUMNS))
     out = np.empty((MOST_RUNS, RUN_COLUMNS))
     return out[: _search(x, n, np.empty((4, n + 1)), np.empty((n + 1, LAGS)), out)]
 
@@ -75,11 +83,11 @@ def runs_of(error: Array, sp: Array) -> Array:
 def _search(x, n, line, products, out):
     """Go through the levels of averaging and their periods; return the number of runs."""
     count, width = 0, 1
-    while n >= WINDOW_CYCLES * (FINEST_AVERAGES if width == 1 else 0.5 * COARSEST_AVERAGES):
+    while n >= LEAST_WINDOW_CYCLES * (FINEST_AVERAGES if width == 1 else 0.5 * COARSEST_AVERAGES):
         _sum_up(x, n, line, products)
         for j in range(1, (2 if width == 1 else 1) * PERIODS_AN_OCTAVE + 1):
             p = COARSEST_AVERAGES * 2.0 ** (-j / PERIODS_AN_OCTAVE)
-            if p >= FINEST_AVERAGES:
+            if p >= FINEST_AVERAGES and n >= LEAST_WINDOW_CYCLES * p:
                 count = _look(x, n, line, products, p, width, out, count)
         n //= 2
         width *= 2
@@ -98,7 +106,8 @@ def _search(x, n, line, products, out):
 @jit
 def _is_same(out, i, k):
     """Whether two runs overlap, or leave less than a cycle, at nearly the same period."""
-    longer, shorter = max(out[i, 2], out[k, 2]), min(out[i, 2], out[k, 2])
+    one, other = out[i, 2] / out[i, 3], out[k, 2] / out[k, 3]
+    longer, shorter = max(one, other), min(one, other)
     gap = max(out[i, 0], out[k, 0]) - min(out[i, 1], out[k, 1])
     return longer <= SAME_PERIOD_RATIO * shorter and gap < shorter
 
@@ -132,59 +141,76 @@ def _sum_up(x, n, line, products):
 @jit
 def _look(x, n, line, products, p, width, out, count):
     """Look at a period, in windows half a cycle apart; add its runs to ``out``, and return how many there are."""
-    length, at = int(round(WINDOW_CYCLES * p)), int(round(p))
+    length, at = min(round(WINDOW_CYCLES * p), n), round(p)
     last = -2
     for j in range(int(2.0 * (n - length) / p) + 1):
         start = int(0.5 * p * j)
         # as it stands: a mean and a slope only add to it
         energy = line[2, start + length] - line[2, start]
-        if products[start + length - at, at] - products[start, at] < (GATE_ACF - GATE_SLACK) * energy:
+        if products[start + length - at, at] - products[start, at] < GATE_ACF * energy:
             continue
-        score, amplitude = _window(x, line, products, start, length, p)
+        score, period, amplitude = _window(x, line, products, start, length, p)
         if score < LEAST_SCORE:
             continue
         if last != j - 1:
             if count == MOST_RUNS:
                 return count
-            out[count, 0], out[count, 2], out[count, 6] = start * width, p * width, count
-            out[count, 3] = out[count, 4] = out[count, 5] = 0.0
+            out[count, 0], out[count, 6] = start * width, count
+            for column in range(2, 6):
+                out[count, column] = 0.0
             count += 1
         last = j
-        out[count - 1, 1] = (start + length) * width
-        out[count - 1, 3] += 1.0
-        out[count - 1, 4] += score
-        out[count - 1, 5] += amplitude
+        row = count - 1
+        out[row, 1] = (start + length) * width
+        out[row, 2] += period * width
+        out[row, 3] += 1.0
+        out[row, 4] += score
+        out[row, 5] += amplitude
     return count
 
 
 @jit
 def _window(x, line, products, start, length, p):
-    """Return a window's score, and the amplitude of what swings [PV]; 0, 0 where it does not count."""
+    """Return a window's score, the best period near the one tried, the amplitude [PV]; 0 where it does not count."""
     end = start + length
     middle = start + 0.5 * (length - 1)
     total = line[0, end] - line[0, start]
     mean = total / length
     slope = (line[1, end] - line[1, start] - middle * total) * 12.0 / (length * (length * length - 1.0))
-    score = 1.0
-    for cycles in range(1, 3):
-        swing = 0.0
-        for half in range(2):
-            lag = (cycles - 0.5 * half) * p
-            first = int(lag)
-            weights = _cubic(lag - first)
-            for k in range(4):
-                acf = _acf(line, products, start, length, first - 1 + k, mean, slope)
-                swing += (0.5 - half) * weights[k] * acf
-            if swing < GATE_ACF / 2.0:  # whatever the half cycle is
-                return 0.0, 0.0
-        score = min(score, swing)
-        if score < LEAST_SCORE:
-            return 0.0, 0.0
+    if _acf(line, products, start, length, round(p), mean, slope) < GATE_ACF:
+        return 0.0, 0.0, 0.0
+    once = _swing(line, products, start, length, p, 0.5 * p, mean, slope)
+    best, period = 0.0, p
+    for k in range(-1, 2 if once >= LEAST_SCORE - NEARLY else -1):
+        near = p * 2.0 ** (k / (3.0 * PERIODS_AN_OCTAVE))
+        score = _swing(line, products, start, length, near, 0.5 * near, mean, slope)
+        if score >= LEAST_SCORE:
+            score = min(score, _swing(line, products, start, length, 2.0 * near, 1.5 * near, mean, slope))
+        if score > best:
+            best, period = score, near
+    if best < LEAST_SCORE:
+        return 0.0, 0.0, 0.0
     rms = _lasts(x, start, length, mean, slope)
-    amplitude = math.sqrt(2.0 * score) * rms
+    amplitude = math.sqrt(2.0 * best) * rms
     if rms == 0.0 or line[3, end] - line[3, start + 1] > SETPOINT_TRAVEL * WINDOW_CYCLES * amplitude:
-        return 0.0, 0.0
-    return score, amplitude
+        return 0.0, 0.0, 0.0
+    return best, period, amplitude
+
+
+@jit
+def _swing(line, products, start, length, lag, opposite, mean, slope):
+    """Return how alike a window is after one lag, and how opposite after another, which counts half (derived)."""
+    swing = 0.0
+    for other in range(2):
+        at = opposite if other else lag
+        first = int(at)
+        weights = _cubic(at - first)
+        for k in range(4):
+            acf = _acf(line, products, start, length, first - 1 + k, mean, slope)
+            swing += (-1.0 if other else 2.0) / 3.0 * weights[k] * acf
+        if swing < LEAST_SCORE - 1.0 / 3.0:  # whatever the other is
+            return 0.0
+    return swing
 
 
 @jit

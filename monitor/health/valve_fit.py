@@ -18,17 +18,20 @@ from monitor.compiled import jit
 from .valve_rests import RESTS, rests_of
 
 SHAPES = ("play", "stick")
-AVERAGED_SAMPLES = (1, 2, 4, 8, 16)
+AVERAGED_SAMPLES = (1, 2, 4, 8)
 """Samples in an average, at which all is fitted: a loop may be much slower than its samples."""
 LEAST_AVERAGES = 60
-"""Averages without which a model of 16 parameters says nothing."""
-PV_LAGS, OP_LAGS, PATH_LAGS = 5, 6, 3
-"""Past averages of PV, OP and path that a model takes. The linear model has five more parameters than the element's:
-what is gained by mere flexibility does not count."""
-BASE, SHORT, LINEAR = 8, 11, 16
-"""Columns without OP (mean, PV's past, two moves of SP), with OP's three last ones, with all of OP."""
+"""Averages without which a model of so many parameters says nothing."""
+PV_LAGS, OP_LAGS = 5, 6
+"""Past averages of PV, and of OP or path, that a model takes."""
 LOW_PASSES = (1.0 / 4.0, 1.0 / 12.0)
-"""Weights of the newest in the low-passes of OP: what a slow process still owes to older ones."""
+"""Weights of the newest in the low-passes of OP, or path: what a slow process still owes to older ones."""
+PV_LOW_PASSES = (1.0 / 8.0, 1.0 / 24.0)
+"""The same of PV: where noise is large, its mean says more than its last values."""
+PATH = OP_LAGS + 2
+"""Columns of OP, or of the path in its place: both models have as many parameters."""
+BASE, SHORT, LINEAR = PV_LAGS + 5, PV_LAGS + 8, PV_LAGS + 5 + PATH
+"""Columns without OP (mean, PV's past, two moves of SP, PV's low-passes), with OP's three last ones, with all."""
 CHUNKS = 16
 """Parts of a block: a path that is known later than at the first sample is fitted from the next part on."""
 TINY_SHARE = 1e-9
@@ -75,26 +78,39 @@ def averages(x, m):
 
 
 @jit
+def past_of(u, out, first):
+    """Fill columns from `first` on with the last values of a series before each average, and its low-passes."""
+    fast, slow = u[0], u[0]
+    for t in range(1, len(u)):
+        fast += LOW_PASSES[0] * (u[t - 1] - fast)
+        slow += LOW_PASSES[1] * (u[t - 1] - slow)
+        if t >= OP_LAGS:
+            row = out[t - OP_LAGS]
+            for j in range(OP_LAGS):
+                row[first + j] = u[t - 1 - j]
+            row[first + OP_LAGS], row[first + OP_LAGS + 1] = fast, slow
+
+
+@jit
 def columns_of(sp, y, u):
     """Return a row for each average from the seventh on: the linear model's columns, then PV itself."""
     n = len(y)
-    rows = np.zeros((n - OP_LAGS, LINEAR + 1))
-    slow = np.full(2, u[0])
+    rows = np.empty((n - OP_LAGS, LINEAR + 1))
+    fast, slow = y[0], y[0]
     for t in range(1, n):
-        for k in range(2):
-            slow[k] += LOW_PASSES[k] * (u[t - 1] - slow[k])
+        fast += PV_LOW_PASSES[0] * (y[t - 1] - fast)
+        slow += PV_LOW_PASSES[1] * (y[t - 1] - slow)
         if t < OP_LAGS:
             continue
         row = rows[t - OP_LAGS]
         row[0] = 1.0
         for i in range(PV_LAGS):
             row[1 + i] = y[t - 1 - i]
-        row[6] = sp[t] - sp[t - 1]
-        row[7] = sp[t - 1] - sp[t - 2]
-        for j in range(OP_LAGS):
-            row[BASE + j] = u[t - 1 - j]
-        row[14], row[15] = slow[0], slow[1]
+        row[1 + PV_LAGS], row[2 + PV_LAGS] = fast, slow
+        row[3 + PV_LAGS] = sp[t] - sp[t - 1]
+        row[4 + PV_LAGS] = sp[t - 1] - sp[t - 2]
         row[LINEAR] = y[t]
+    past_of(u, rows, BASE)
     return rows
 
 
@@ -150,9 +166,9 @@ def compare(low, cross, own, n, sign, out):
     low
         Factor of the linear model's products, PV last.
     cross
-        Products of the path's lags with the columns and PV, (PATH_LAGS, LINEAR + 1); overwritten.
+        Products of the path's lags with the columns and PV, (PATH, LINEAR + 1); overwritten.
     own
-        Products of the path's lags, (PATH_LAGS, PATH_LAGS).
+        Products of the path's lags, (PATH, PATH).
     n
         Averages.
     sign
@@ -164,7 +180,7 @@ def compare(low, cross, own, n, sign, out):
         of its b over that of the linear model.
     """
     z = cross
-    for i in range(PATH_LAGS):
+    for i in range(PATH):
         for j in range(LINEAR):
             total = z[i, j]
             for k in range(j):
@@ -178,60 +194,64 @@ def compare(low, cross, own, n, sign, out):
     base = short
     for k in range(BASE, SHORT):
         base += zy[k] ** 2
-    s = np.zeros((PATH_LAGS + 1, PATH_LAGS + 1))
-    f = np.zeros((PATH_LAGS + 1, PATH_LAGS + 1))
+    s = np.zeros((PATH + 1, PATH + 1))
+    f = np.zeros((PATH + 1, PATH + 1))
     for which in range(2):
         last = BASE if which == 0 else LINEAR
-        for i in range(PATH_LAGS):
+        for i in range(PATH):
             s[i, i] = own[i, i]
             for j in range(i + 1):
                 s[i, j] = own[i, j]
                 for k in range(last):
                     s[i, j] -= z[i, k] * z[j, k]
-            s[PATH_LAGS, i] = z[i, LINEAR]
+            s[PATH, i] = z[i, LINEAR]
             for k in range(last):
-                s[PATH_LAGS, i] -= z[i, k] * zy[k]
+                s[PATH, i] -= z[i, k] * zy[k]
             s[i, i] += 1e-7 * own[i, i]
-        s[PATH_LAGS, PATH_LAGS] = base if which == 0 else linear
+        s[PATH, PATH] = base if which == 0 else linear
         factor(s)
         if which == 0:
-            f[:] = s
-    element = max(f[PATH_LAGS, PATH_LAGS] ** 2, 1e-12)
-    both = max(s[PATH_LAGS, PATH_LAGS] ** 2, 1e-12)
-    b = np.zeros(PATH_LAGS)
-    back(f, f[PATH_LAGS], PATH_LAGS, b)
-    rest = zy[:BASE] - b[0] * z[0, :BASE] - b[1] * z[1, :BASE] - b[2] * z[2, :BASE]
-    a = np.zeros(LINEAR)
+            for i in range(PATH + 1):
+                for j in range(i + 1):
+                    f[i, j] = s[i, j]
+    element = max(f[PATH, PATH] ** 2, 1e-12)
+    both = max(s[PATH, PATH] ** 2, 1e-12)
+    b = np.zeros(PATH)
+    back(f, f[PATH], PATH, b)
+    rest, a = np.empty(BASE), np.zeros(LINEAR)
+    for k in range(BASE):
+        rest[k] = zy[k]
+        for i in range(PATH):
+            rest[k] -= b[i] * z[i, k]
     back(low, rest, BASE, a)
-    ours, dc = sign * b.sum(), 1.0 - a[1 : 1 + PV_LAGS].sum()
+    ours, dc = sign * b.sum(), 1.0
+    for k in range(1, 3 + PV_LAGS):
+        dc -= a[k]
     back(low, zy, LINEAR, a)
+    theirs = 0.0
+    for k in range(BASE, LINEAR):
+        theirs += sign * a[k]
     out[0] = n * np.log(linear / element)
     out[1] = n * np.log(linear / both)
     out[2] = n * np.log(element / both)
     out[3] = n * np.log(base / short)
     out[4] = ours / max(dc, 0.01) if ours > 0 else 0.0
-    out[5] = ours / max(sign * a[BASE:].sum(), 1e-9)
+    out[5] = ours / max(theirs, 0.1 * abs(ours)) if ours > 0 else 0.0
 
 
 @jit
-def path_products(rows, v, first, cross, own):
-    """Sum the products of the path's lags with columns and PV from a row on."""
+def path_products(rows, past, first, cross, own):
+    """Sum the products of the path's columns with the linear model's and PV from a row on."""
     cross[:] = 0.0
     own[:] = 0.0
     for t in range(first, len(rows)):
-        row = rows[t]
-        at = t + OP_LAGS
-        v1, v2, v3 = v[at - 1], v[at - 2], v[at - 3]
-        for k in range(LINEAR + 1):
-            cross[0, k] += v1 * row[k]
-            cross[1, k] += v2 * row[k]
-            cross[2, k] += v3 * row[k]
-        own[0, 0] += v1 * v1
-        own[1, 0] += v1 * v2
-        own[1, 1] += v2 * v2
-        own[2, 0] += v1 * v3
-        own[2, 1] += v2 * v3
-        own[2, 2] += v3 * v3
+        row, mine = rows[t], past[t]
+        for i in range(PATH):
+            x = mine[i]
+            for k in range(LINEAR + 1):
+                cross[i, k] += x * row[k]
+            for k in range(PATH):
+                own[i, k] += x * mine[k]
 
 
 @jit
@@ -283,12 +303,12 @@ def fit_level(sp, pv, op, m, bands, paths, moved, sign, out, starts):
     lows = products_of(rows)
     known = np.zeros(CHUNKS, dtype=np.bool_)
     n = len(rows)
-    cross, own = np.empty((PATH_LAGS, LINEAR + 1)), np.empty((PATH_LAGS, PATH_LAGS))
-    one = np.empty(len(FIELDS))
+    cross, own = np.empty((PATH, LINEAR + 1)), np.empty((PATH, PATH))
+    past, one = np.empty((n, PATH)), np.empty(len(FIELDS))
     for shape in range(paths.shape[0]):
         for b in range(len(bands)):
             for start in range(paths.shape[2]):
-                at = moved[shape, b, start] // m + PATH_LAGS - OP_LAGS
+                at = moved[shape, b, start] // m
                 chunk = max((at * CHUNKS + n - 1) // n, 0)
                 if chunk >= CHUNKS:
                     continue
@@ -298,8 +318,11 @@ def fit_level(sp, pv, op, m, bands, paths, moved, sign, out, starts):
                 if not known[chunk]:
                     factor(lows[chunk])
                     known[chunk] = True
-                v = (averages(paths[shape, b, start], m) - u_mean) / u_scale
-                path_products(rows, v, first, cross, own)
+                v = averages(paths[shape, b, start], m)
+                for t in range(len(v)):
+                    v[t] = (v[t] - u_mean) / u_scale
+                past_of(v, past, 0)
+                path_products(rows, past, first, cross, own)
                 compare(lows[chunk], cross, own, n - first, sign, one)
                 if one[0] > out[shape, b, 0]:
                     out[shape, b] = one

@@ -46,6 +46,10 @@ class Case:
     sp: Array
     pv: Array
     op: Array
+    valve: Array
+    """Where the valve is [OP]."""
+    turns: int
+    """How often the valve turned; 0 without an element."""
 
 
 @dataclass
@@ -67,7 +71,7 @@ def simulate(plant, pi, valve, signals, every):
     kind, band, jump = int(valve[0]), valve[1], valve[2]
     sp, load, noise = signals[0], signals[1], signals[2]
     n = len(sp)
-    out = np.empty((3, n // every))
+    out = np.empty((4, n // every))
     ring = np.zeros(delay + 1)
     op = pv = slow = v = 0.0
     last = sp[0]
@@ -107,6 +111,7 @@ def simulate(plant, pi, valve, signals, every):
             out[0, t // every] = sp[t]
             out[1, t // every] = measured
             out[2, t // every] = shown
+            out[3, t // every] = v
     return out
 
 
@@ -222,7 +227,9 @@ def _try(rng: np.random.Generator, kind: str, process: str) -> Case | None:
     plant = np.array([float(loop.integrating), loop.gain, loop.lag, float(loop.delay)])
     out = simulate(plant, np.array([loop.kp, loop.ti, op_quantum]), np.array([which, band, jump]),
                    np.stack([sp, load, noise * measured]), every)
-    sp, pv, op = out[:, SETTLING:]
+    sp, pv, op, v = out[:, SETTLING:]
+    ways = np.diff(v)
+    ways = np.sign(ways[ways != 0])
     if np.ptp(op) > 95.0 or not np.all(np.isfinite(pv)):
         return None
     if kind == "quantised":
@@ -230,4 +237,5 @@ def _try(rng: np.random.Generator, kind: str, process: str) -> Case | None:
         pv = np.round(pv / quantum) * quantum
     gain = float(rng.choice([-1.0, 1.0])) * _log(rng, 0.05, 20.0)
     # a valve that opens where the controller closes is as usual
-    return Case(kind, process, every, band, effect, 50.0 + abs(gain) * sp, 50.0 + abs(gain) * pv, 50.0 + np.sign(gain) * op)
+    return Case(kind, process, every, band, effect, 50.0 + abs(gain) * sp, 50.0 + abs(gain) * pv, 50.0 + np.sign(gain) * op,
+                50.0 + np.sign(gain) * v, int(np.sum(ways[1:] != ways[:-1])) if band else 0)

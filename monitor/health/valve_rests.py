@@ -1,4 +1,4 @@
-"""What PV does while a valve's element rests though OP moves: compiled.
+"""What PV does while a valve's element rests though OP moves.
 
 A band that is real shows in stretches in which OP swings and PV does nothing (derived).
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from monitor.compiled import jit
+from numpy.typing import NDArray
 
 SWING_SHARE = (0.55, 0.38)
 """Of the band, by which OP swings while play, or stick, rests, for a rest to count."""
@@ -22,67 +22,51 @@ PV_EDGE_SHARE = 0.02
 RESTS = ("idle", "share", "quiet", "travel", "straight")
 
 
-@jit
-def rests_of(op, pv, v, w, shape, first, out):
-    """Find where the path rests while OP swings.
+Array = NDArray[np.float64]
 
-    Fills `out`: number of such rests; their share of the time; median over them of PV's range in their later half over
-    PV's range in the block; the path's way over the band; the third, where a straight line is taken out (what PV
-    does behind an integrating process).
-    """
-    n = len(op)
-    m = max(n // LEVELS, 1)
-    means = np.empty(n // m)
-    for i in range(len(means)):
-        means[i] = pv[i * m : (i + 1) * m].mean()
+
+def means_of(pv: Array) -> tuple[Array, float]:
+    """Return averages of PV, and the range that most of them have."""
+    m = max(len(pv) // LEVELS, 1)
+    means = pv[: len(pv) // m * m].reshape(-1, m).mean(axis=1)
     ordered = np.sort(means)
     edge = int(PV_EDGE_SHARE * len(means))
-    pv_range = max(ordered[len(means) - 1 - edge] - ordered[edge], 1e-300)
-    quiets, straights = np.empty(n), np.empty(n)
-    idle, share, travel, begin = 0, 0, 0.0, 0
-    for t in range(1, n + 1):
-        if t < n and v[t] == v[t - 1]:
+    return means, max(float(ordered[len(means) - 1 - edge] - ordered[edge]), 1e-300)
+
+
+def rests_of(op: Array, v: Array, w: float, shape: int, pv_means: tuple[Array, float]) -> tuple[float, ...]:
+    """Return what is seen where the path rests while OP swings: `RESTS`.
+
+    That is the number of such rests; their share of the time; median over them of PV's range in their later half over
+    PV's range in the block; the path's way over the band; the third, where a straight line is taken out (what PV does
+    behind an integrating process).
+    """
+    n, (means, pv_range) = len(op), pv_means
+    m = n // len(means)
+    moves = np.diff(v)
+    travel = float(np.abs(moves).sum()) / w
+    ends = np.concatenate([[0], np.flatnonzero(moves) + 1, [n]])
+    long = np.flatnonzero(np.diff(ends) >= LEAST_RUN_AVERAGES * m)
+    quiet, straight, share = [], [], 0
+    for begin, end in zip(ends[long], ends[long + 1], strict=True):
+        ordered = np.sort(op[begin:end])
+        edge = int(EDGE_SHARE * len(ordered))
+        if ordered[len(ordered) - 1 - edge] - ordered[edge] <= SWING_SHARE[shape] * w:
             continue
-        if t < n and t >= first:
-            travel += abs(v[t] - v[t - 1])
-        length = t - begin
-        if length >= LEAST_RUN_AVERAGES * m and t > first:
-            if _swing(op[begin:t]) > SWING_SHARE[shape] * w:
-                low, high = (begin + length // 2 + m - 1) // m, min(t // m, len(means))
-                if high - low >= 2:
-                    quiets[idle], straights[idle] = _range(means[low:high])
-                    idle += 1
-                    share += length
-        begin = t
-    out[0], out[1], out[3] = idle, share / n, travel / w
-    out[2] = out[4] = 1.0
-    if idle > 0:
-        out[2] = np.median(quiets[:idle]) / pv_range
-        out[4] = np.median(straights[:idle]) / pv_range
-
-
-@jit
-def _swing(op):
-    """Range of OP without the ends."""
-    if op.max() == op.min():
-        return 0.0
-    ordered = np.sort(op)
-    edge = int(EDGE_SHARE * len(op))
-    return ordered[len(op) - 1 - edge] - ordered[edge]
-
-
-@jit
-def _range(x):
-    """Range of values, as they are and without the line through their ends' halves."""
-    n = len(x)
-    mean, middle = x.mean(), 0.5 * (n - 1)
-    slope = norm = 0.0
-    for i in range(n):
-        slope += (i - middle) * (x[i] - mean)
-        norm += (i - middle) ** 2
-    slope /= norm
-    low, high = np.inf, -np.inf
-    for i in range(n):
-        left = x[i] - mean - slope * (i - middle)
-        low, high = min(low, left), max(high, left)
-    return x.max() - x.min(), high - low
+        late = means[-(-(begin + (end - begin) // 2) // m) : min(end // m, len(means))]
+        if len(late) < 2:
+            continue
+        quiet.append(float(late.max() - late.min()))
+        at = np.arange(len(late)) - 0.5 * (len(late) - 1)
+        late = late - at * (float(at @ late) / float(at @ at))
+        straight.append(float(late.max() - late.min()))
+        share += int(end - begin)
+    if not quiet:
+        return 0.0, 0.0, 1.0, travel, 1.0
+    return (
+        len(quiet),
+        share / n,
+        float(np.median(quiet)) / pv_range,
+        travel,
+        float(np.median(straight)) / pv_range,
+    )

@@ -20,7 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-SOUND = ("healthy", "brink", "integral", "sine", "square", "triangle", "drift", "walk", "setpoint", "quantised")
+SOUND = (
+    "healthy",
+    "brink",
+    "integral",
+    "sine",
+    "square",
+    "triangle",
+    "drift",
+    "walk",
+    "setpoint",
+    "quantised",
+)
 STICKING = ("play", "slip", "stick")
 KINDS = (*SOUND, *STICKING)
 PROCESSES = ("flow", "level")
@@ -135,7 +146,10 @@ def _plant(rng: np.random.Generator, process: str, every: int) -> _Loop:
         t0 = delay + lag
         time = t0 * _log(rng, 1.5, 6.0)
         return _Loop(True, 1.0 / time, lag, delay, time / (time + t0) * 1.0, 4.0 * (time + t0), time)
-    delay, lag = round(_log(rng, 1, 3) * every ** rng.uniform(0, 1)), _log(rng, 1.0, 10.0) * every ** rng.uniform(0, 1)
+    delay, lag = (
+        round(_log(rng, 1, 3) * every ** rng.uniform(0, 1)),
+        _log(rng, 1.0, 10.0) * every ** rng.uniform(0, 1),
+    )
     time = max(delay, 1) * _log(rng, 1.0, 5.0)
     return _Loop(False, 1.0, lag, delay, lag / (time + delay), max(min(lag, 4.0 * (time + delay)), 1.0), time)
 
@@ -143,7 +157,12 @@ def _plant(rng: np.random.Generator, process: str, every: int) -> _Loop:
 def _spoilt(rng: np.random.Generator, loop: _Loop, kind: str) -> None:
     """Tune the loop to the brink, or make its integral too strong."""
     w = np.geomspace(1e-4, 3.0, 4000)
-    plant = loop.gain / (1j * w) ** loop.integrating / (1 + 1j * w * loop.lag) * np.exp(-1j * w * (loop.delay + 0.5))
+    plant = (
+        loop.gain
+        / (1j * w) ** loop.integrating
+        / (1 + 1j * w * loop.lag)
+        * np.exp(-1j * w * (loop.delay + 0.5))
+    )
     if kind == "integral":
         loop.ti /= _log(rng, 3.0, 8.0)
     for _ in range(40):
@@ -184,7 +203,9 @@ def _wave(rng: np.random.Generator, n: int, kind: str, period: float) -> Array:
     """A load of a neighbour's making; its period may vary from cycle to cycle."""
     spread = rng.choice([0.0, 0.05, 0.2])
     lengths = period * np.exp(spread * rng.normal(size=int(2 * n / period) + 10))
-    phase = np.interp(np.arange(n), np.concatenate([[0], np.cumsum(lengths)]), np.arange(len(lengths) + 1)) % 1.0
+    phase = (
+        np.interp(np.arange(n), np.concatenate([[0], np.cumsum(lengths)]), np.arange(len(lengths) + 1)) % 1.0
+    )
     if kind == "sine":
         return np.sin(2 * np.pi * phase)
     if kind == "square":
@@ -210,7 +231,9 @@ def _try(rng: np.random.Generator, kind: str, process: str) -> Case | None:
     if rng.random() < {"healthy": 0.5}.get(kind, 0.2):
         load += _moves(rng, n, int(rng.integers(2, 20)), unit * _log(rng, 3.0, 30.0))
     if kind in {"sine", "square", "triangle"}:
-        load += unit * _log(rng, 2.0, 30.0) * _wave(rng, n, kind, _log(rng, 4.0, 100.0) * max(loop.time, every))
+        load += (
+            unit * _log(rng, 2.0, 30.0) * _wave(rng, n, kind, _log(rng, 4.0, 100.0) * max(loop.time, every))
+        )
     if kind == "drift":
         turns = np.sort(rng.integers(0, n, int(rng.integers(2, 30))))
         load += unit * _log(rng, 3.0, 50.0) * np.interp(np.arange(n), turns, rng.uniform(-1, 1, len(turns)))
@@ -225,8 +248,13 @@ def _try(rng: np.random.Generator, kind: str, process: str) -> Case | None:
     jump = band * rng.uniform(0.2, 0.9) if kind == "slip" else 0.0
     which = STICKING.index(kind) + 1 if band else 0
     plant = np.array([float(loop.integrating), loop.gain, loop.lag, float(loop.delay)])
-    out = simulate(plant, np.array([loop.kp, loop.ti, op_quantum]), np.array([which, band, jump]),
-                   np.stack([sp, load, noise * measured]), every)
+    out = simulate(
+        plant,
+        np.array([loop.kp, loop.ti, op_quantum]),
+        np.array([which, band, jump]),
+        np.stack([sp, load, noise * measured]),
+        every,
+    )
     sp, pv, op, v = out[:, SETTLING:]
     ways = np.diff(v)
     ways = np.sign(ways[ways != 0])
@@ -237,5 +265,15 @@ def _try(rng: np.random.Generator, kind: str, process: str) -> Case | None:
         pv = np.round(pv / quantum) * quantum
     gain = float(rng.choice([-1.0, 1.0])) * _log(rng, 0.05, 20.0)
     # a valve that opens where the controller closes is as usual
-    return Case(kind, process, every, band, effect, 50.0 + abs(gain) * sp, 50.0 + abs(gain) * pv, 50.0 + np.sign(gain) * op,
-                50.0 + np.sign(gain) * v, int(np.sum(ways[1:] != ways[:-1])) if band else 0)
+    return Case(
+        kind,
+        process,
+        every,
+        band,
+        effect,
+        50.0 + abs(gain) * sp,
+        50.0 + abs(gain) * pv,
+        50.0 + np.sign(gain) * op,
+        50.0 + np.sign(gain) * v,
+        int(np.sum(ways[1:] != ways[:-1])) if band else 0,
+    )

@@ -99,5 +99,7 @@ jit = _compiler()
 """Compiled, cached on disk; 0/0 is NaN as in NumPy."""
 jit_nogil = _compiler(nogil=True)
 """As `jit`; lets other threads run beside it."""
+jit_sums = _compiler(fastmath={"reassoc", "contract"})
+"""As `jit`; sums are taken in whatever order is fastest: some last digits of a long sum, several times its speed."""
 unrolled: Any = numba.literal_unroll
 """A loop over names, written out when it is compiled: each name is a record's field of its own type."""

@@ -152,6 +152,8 @@ class LoopRow(msgspec.Struct, frozen=True, kw_only=True):
     """Of the first episode that is kept, and end of the last [s since 1970]."""
     oscillation_end: float | None = None
     stiction: float | None = None
+    dead_band: float | None = None
+    """Of the valve [% of OP's span; OP where that is not known]."""
     harris: float | None = None
     compression: float | None = None
     flags: tuple[str, ...] = ()

@@ -16,6 +16,8 @@ from .cycle_gain import CycleGain, cycle_gain
 from .episodes import Episodes, LoopSpan, episodes_of, too_fast
 from .response import NoResponse, no_response_of
 from .tracking import Tracked, tracking_of, tracking_verdict
+from .two_valued import two_valued
+from .valve import Valve, ValveEvidence, merged, valve_evidence, valve_found
 
 Array = NDArray[np.float64]
 
@@ -68,6 +70,10 @@ class Signs:
     """Whether PV does not move at all in most blocks in which SP or OP does."""
     too_fast: bool = False
     """Whether the error swings faster than the sampling resolves."""
+    valve: Valve | None = None
+    """The valve's dead band or stick-slip, where one is seen."""
+    two_valued: float | None = None
+    """Share of the newest block at which OP has one of two values, where it has hardly another."""
     silent: NoResponse | None = None
     """A stretch in which PV does not answer OP, of the newest block that shows one."""
     silent_since: int = 0
@@ -99,6 +105,9 @@ class Diagnosis:
     """Of it, in blocks that swing faster than the sampling [s]."""
     rested: float = 0.0
     """Of it, in blocks in which PV does not move, but SP or OP does [s]."""
+    evidence: list[ValveEvidence | None] = field(default_factory=lambda: [None, None])
+    """Of the valve, by level."""
+    two_valued: float | None = None
     silent: NoResponse | None = None
     silent_since: int = 0
     silent_time: float = 0.0
@@ -115,12 +124,16 @@ class Diagnosis:
         if strong is not None:
             self.gain = cycle_gain(block.pv, block.op, block.period, strong) or self.gain
         self._listen(block)
+        seen, before = valve_evidence(block.sp, block.pv, block.op), self.evidence[block.level]
+        if seen is not None:
+            self.evidence[block.level] = seen if before is None else merged(before, seen)
         if block.level == 0:
             self.fast += n * block.period if too_fast(error) else 0.0
             still = float(np.ptp(block.pv)) == 0.0 < max(float(np.ptp(block.sp)), float(np.ptp(block.op)))
             self.rested += n * block.period if still else 0.0
             self.judged += n * block.period
             self.period = block.period
+            self.two_valued = two_valued(block.op)
             moves = tracking_of(block.sp, block.pv, block.period, _noise(block.pv))
             self.moves = (*self.moves, *moves)[-MOST_MOVES:]
             if self.judged > HALVED_S:
@@ -149,7 +162,10 @@ class Diagnosis:
         own = max(self.episodes, key=lambda e: e.oscillating_share or 0.0)
         said = tracking_verdict(list(self.moves))
         within = max((m.delay + 3.0 * m.lag for m in self.moves if m.verdict == said), default=None)
+        valves = [v for e in self.evidence if e is not None and (v := valve_found(e)) is not None]
         return Signs(
+            valve=max(valves, key=lambda v: v.strength, default=None),
+            two_valued=self.two_valued,
             oscillating_share=own.oscillating_share,
             oscillating=bool(own.oscillating),
             cycle_period=own.period,

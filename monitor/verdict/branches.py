@@ -127,6 +127,12 @@ def touches_limit(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     return f"OP is at its limit for {share:.0%} of the time" if share > TOUCHES_LIMIT_SHARE else ""
 
 
+def two_valued(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+    if health.signs.two_valued is None:
+        return ""
+    return "OP has but two values: a relay, or the pulses of a time-proportioned output; not the controller's demand"
+
+
 def mismatch(_health: Health, tuning: Tuning, loop: Loop) -> str:
     return tuning.contradiction if loop.kp is not None else ""
 
@@ -135,7 +141,13 @@ def not_linear(_health: Health, tuning: Tuning, loop: Loop) -> str:
     return tuning.contradiction if loop.kp is None else ""
 
 
-def sticks(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+def sticks(health: Health, _tuning: Tuning, loop: Loop) -> str:
+    valve = health.signs.valve
+    if valve is not None and valve.strength > STICKS_INDEX:
+        span, unit = (loop.op_span / 100.0, "%") if loop.op_span else (1.0, "[OP]")
+        return (
+            f"the valve sticks: OP travels {valve.band / span:.2g} {unit} after a reversal before PV answers"
+        )
     if _of(health.stiction) <= STICKS_INDEX or _of(health.sp_moving) > LED_SP_SHARE:
         return ""
     return f"the valve sticks (index {_of(health.stiction):.2f}): {_cycle(health)}"

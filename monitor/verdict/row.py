@@ -51,13 +51,13 @@ def loop_row(in_force: InForce, tuning: Tuning, health: Health) -> LoopRow:
         **tuning.model,
         **({} if shown is None else shown.figures),
         **({} if suggested is None else suggested.today),
-        **_of_health(health),
+        **_of_health(health, loop.op_span),
         **_of_today(loop),
         **_seen(in_force.seen or in_force.guess, loop.canonical_form),
     )
 
 
-def _of_health(health: Health) -> Figures:
+def _of_health(health: Health, op_span: float | None) -> Figures:
     """Return the columns that are figures of health."""
     return {
         "coverage": health.coverage,
@@ -72,9 +72,20 @@ def _of_health(health: Health) -> Figures:
         "oscillation_regularity": health.oscillation_regularity,
         "oscillating_share": health.signs.oscillating_share,
         **_of_episodes(health),
-        "stiction": health.stiction,
+        **_of_valve(health, op_span),
         "harris": health.harris,
         "compression": health.compression,
+    }
+
+
+def _of_valve(health: Health, op_span: float | None) -> Figures:
+    """Return the columns of the valve: how surely it sticks, and its band [% of OP's span, OP where that is unknown]."""
+    valve = health.signs.valve
+    if valve is None:
+        return {"stiction": health.stiction}
+    return {
+        "stiction": max(valve.strength, health.stiction or 0.0),
+        "dead_band": valve.band / (op_span or 100.0) * 100.0,
     }
 
 

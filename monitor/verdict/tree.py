@@ -117,6 +117,7 @@ _LAW = "find out what else moves OP: a gap, a gain that follows the error, an ov
 _VALVE = "check the valve and its positioner before the tuning: stroke it in manual and see whether the cycle stops"
 _LONGER = "lengthen the integral time as said; then a set-point step shows what else can be gained"
 _OTHERS = "find the source first: in manual, does the cycle stay? Then it comes from outside"
+_DEMAND = "record the controller's demand (before the pulses), or OP's mean over a cycle of pulses"
 _ROOM = "look for the bottleneck (valve size, bypass, pump), or a set point within reach"
 _SHUT = (
     "look at the valve in the field: shut, blocked, at its end, by-passed or overridden; if it moves, the integral "
@@ -143,6 +144,7 @@ TREE = (
     Branch("manual", branches.manual, EXPLAINS, "find out why it is kept in manual"),
     Branch("idle", branches.idle, EXPLAINS, "none while the unit is down"),
     Branch("cascade_slave", branches.slave, EXPLAINS, "none; judge its master"),
+    Branch("two_valued_op", branches.two_valued, WITHHOLDS, _DEMAND),
     Branch("saturated", branches.at_limit, WITHHOLDS, _ROOM),
     Branch("saturated", branches.touches_limit, MARKS, _ROOM),
     # is the controller the one of the loop table?

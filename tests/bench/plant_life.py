@@ -20,6 +20,7 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import sys
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -32,10 +33,23 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # one loop, one core
 
 from monitor.contract.loops import LoopTable  # noqa: E402 (after the threads)
-from monitor.contract.records import LoopRow  # noqa: E402
+from monitor.contract.records import RETUNE, LoopRow  # noqa: E402
 from monitor.engine import Engine  # noqa: E402
 from tests.bench.fleet_run import write  # noqa: E402
-from tests.bench.plant_life_fleet import BACKLASH, HEALTHY, HUNTING, MIX, NAMES, RATE, STICK, VALVES, WAVES  # noqa: E402
+from tests.bench.plant_life_fleet import (  # noqa: E402
+    AGGRESSIVE,
+    BACKLASH,
+    HEALTHY,
+    HUNTING,
+    INTEGRAL,
+    MIX,
+    NAMES,
+    RATE,
+    SLOW,
+    STICK,
+    VALVES,
+    WAVES,
+)  # fmt: skip
 from tests.bench.plant_life_truth import (  # noqa: E402
     RIGHT,
     SILENT,
@@ -53,6 +67,7 @@ SEED = 20_271_203
 HEAD = (
     f"{'kind':14}{'loops':>6}{'deserve':>8}{'right':>7}{'silent':>8}{'wrong':>7}  most frequent wrong answers"
 )
+TUNED = (SLOW, AGGRESSIVE, INTEGRAL)
 SHOWN = 3
 """Wrong answers of a kind that are named."""
 
@@ -146,12 +161,17 @@ def totals(outcomes: Sequence[Outcome]) -> list[str]:
         ("right, of those that deserve a verdict", [o.outcome == RIGHT for o in worth], "80 % or more"),
         ("wrong, of all", [o.outcome == WRONG for o in outcomes], "2 % or less"),
         ("settings that do harm, of all", ["do harm" in o.why for o in outcomes], "none"),
+        ("tuning blamed rightly, no settings", [_withheld(o) for o in worth if o.kind in TUNED], "few"),
         ("valve recall", ["stiction" in o.flags for o in valves], "85 % or more"),
         ("valve precision", [o.kind in VALVES for o in named], "97 % or more"),
         ("oscillation recall", ["oscillating" in o.flags for o in swinging], "95 % or more"),
         ("oscillation, false alarms", ["oscillating" in o.flags for o in healthy], "1 % or less"),
     ]
     return [f"{what:40}{sum(v):5d} of {len(v):4d} {_share(v):>5}   goal: {goal}" for what, v, goal in rows]
+
+
+def _withheld(o: Outcome) -> bool:
+    return o.verdict == RETUNE and o.new["new_kp"] is None
 
 
 def _share(values: Iterable[bool]) -> str:
@@ -178,8 +198,8 @@ def run(args: argparse.Namespace) -> list[Outcome]:
         for n, outcome in enumerate(pool.map(watch_one, tasks), 1):
             outcomes.append(outcome)
             left = (time.monotonic() - began) / n * (len(tasks) - n)
-            print(f"\r{n} of {len(tasks)}, {left / 60:.1f} min left ", end="", flush=True)
-    print("\r", end="")
+            print(f"\r{n} of {len(tasks)}, {left / 60:.1f} min left ", end="", flush=True, file=sys.stderr)
+    print(file=sys.stderr)
     return outcomes
 
 

@@ -54,8 +54,9 @@ BY_HAND_SHARE = 0.5
 RATE_SHARE = 0.02
 """Share of the time in automatic at which a slow valve is under way, from which it may be noticed."""
 OFFSET_SD = 3.0
-COARSE = 1.0
-"""Recorded periods in the natural time of a loop from which nobody can call it well sampled."""
+COARSE, TUNABLE, WELL = 1.0, 2.0, 4.0
+"""Recorded periods in the natural time of a loop from which a verdict may be asked for, from which one on its tuning
+may be, and from which nobody can call it sampled too coarsely."""
 
 
 @dataclass
@@ -204,11 +205,16 @@ _WAVE = Answer(
 )
 _VALVE = Answer(lambda f: f.band_sd >= BAND_SD, _named_valve, _neither, _CYCLE | {"stiction"})
 
+
+def _tunable(f: Facts) -> bool:
+    return f.clean > 0 and f.samples_in_natural >= TUNABLE
+
+
 ANSWERS: dict[str, Answer] = {
-    HEALTHY: Answer(lambda f: f.clean > 0, lambda s: s.row.verdict == GOOD, _no_retune, good=True),
-    SLOW: Answer(lambda f: f.clean > 0, _retuned, _not_good, frozenset({"offset"})),
-    AGGRESSIVE: Answer(lambda f: f.clean > 0, _retuned, _not_good, _CYCLE | {"near_instability"}),
-    INTEGRAL: Answer(lambda f: f.clean > 0, _retuned, _not_good, _CYCLE | {"near_instability", "offset"}),
+    HEALTHY: Answer(_tunable, lambda s: s.row.verdict == GOOD, _no_retune, good=True),
+    SLOW: Answer(_tunable, _retuned, _not_good, frozenset({"offset"})),
+    AGGRESSIVE: Answer(_tunable, _retuned, _not_good, _CYCLE | {"near_instability"}),
+    INTEGRAL: Answer(_tunable, _retuned, _not_good, _CYCLE | {"near_instability", "offset"}),
     STICK: _VALVE,
     BACKLASH: _VALVE,
     RATE: Answer(
@@ -232,10 +238,10 @@ ANSWERS: dict[str, Answer] = {
         _always,
         lambda s: ("two_valued_op" in s.flags or s.says("two values", "relay", "pulse")) and not s.advice,
         _neither,
-        _CYCLE | {"two_valued_op", "settings_mismatch", "saturated"},
+        _CYCLE | {"two_valued_op", "settings_mismatch"},
     ),
     SPLIT: Answer(
-        lambda f: f.crossed and f.clean > 1,
+        lambda f: f.crossed and _tunable(f),
         lambda s: s.says("split", "gains differ", "gain differs", "by direction") or _retuned(s),
         _not_good,
         _CYCLE | {"near_instability"},
@@ -292,14 +298,27 @@ ALWAYS_FALSE = (
 """Flags that are false of every loop of which they are not said to be true."""
 
 
+ACCUSED = {
+    "opposite signs": "accuses the table of a wrong sign",
+    "the table calls the process": "accuses the table of a wrong process",
+    "in minutes": "accuses the table of minutes",
+}
+"""Words that are false of every loop, since all tables here are right."""
+
+
+def false_words(said: Said) -> str:
+    """Say what is said of the table though it is not true; empty where nothing is."""
+    return next((what for words, what in ACCUSED.items() if words in said.row.reason), "")
+
+
 def false_flag(said: Said) -> str:
     """Name a flag that is not true of the loop; empty where there is none."""
     facts, true = said.facts, ANSWERS[said.base.kind].flags
     recorded = {
         "saturated": facts.saturation < SOME_SHARE,
         "manual": facts.manual < SOME_SHARE,
-        "undersampled": facts.samples_in_natural > 2 * COARSE,
-        "compressed": facts.how not in {"swinging-door", "exception"},
+        "undersampled": facts.samples_in_natural > WELL,
+        "compressed": facts.how not in {"swinging-door", "exception", "on-change"},
         "exception_reported": facts.how not in {"exception", "on-change"},
     }
     for flag in said.row.flags:
@@ -318,7 +337,7 @@ def judge(said: Said) -> tuple[str, str]:
         return WRONG, f"settings that do harm: {much}"
     if said.valve and said.base.kind not in VALVES:
         return WRONG, "valve named"
-    false = false_flag(said)
+    false = false_flag(said) or false_words(said)
     if false:
         return WRONG, false
     if said.base.kind == HEALTHY or deserves:

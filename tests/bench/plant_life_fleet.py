@@ -58,6 +58,8 @@ SAMPLED = 0.7
 """Most recorded periods of the others in their natural time."""
 HEALTHY_MS, HEALTHY_CI, SLOW_CI = 1.9, 0.7, 0.4
 """True Ms at most and indices at least of a healthy loop; indices at most of a slow one."""
+MOST_MS = 15.0
+"""True Ms above which a loop would swing by itself for hours."""
 LONGEST_S = 7200.0
 """A loop that takes longer to settle is drawn again [s]."""
 LEAST_OP_NOISE, MOST_OP_NOISE = 0.02, 0.5
@@ -126,6 +128,8 @@ def draw(kind: str, number: int, seed: int) -> Base:
             continue
         noise = log(rng, LEAST_OP_NOISE, MOST_OP_NOISE) / abs(law.kp)
         body = _body(rng, kind, plant, changed, noise)
+        if true_peak(as_drawn(plant, changed, every, body.valve), changed) > MOST_MS:
+            continue
         settle, push = _response(body)
         if settle > LONGEST_S:
             continue
@@ -200,6 +204,8 @@ def _settings(rng: Rng, kind: str, plant: Plant, law: Law, every: int) -> Law | 
         kp = law.kp * log(rng, 0.2, 0.6)
         rolling = _rounded(kp, log(rng, 0.1, 0.6) / (plant.slope * kp), 0.0)
         return rolling if 3.0 <= peak(plant, rolling, STEP_S) <= 12.0 else None
+    if kind == SPLIT:
+        return _rounded(law.kp * log(rng, 0.35, 1.0), law.ti, law.td, law.form)
     if kind == P_ONLY:
         return replace(law, ti=math.inf, kp=law.kp * log(rng, 0.3, 1.0))
     return law

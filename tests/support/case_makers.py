@@ -13,7 +13,6 @@ from tests.bench.mismatch_plant import INTEGRATING, SELF, Law, Plant, peak
 from tests.bench.mismatch_shapes import Rng, log, simple
 from tests.bench.mismatch_sim import Valve
 from tests.support.case_variants import (
-    INTEGRAL_WEAKER,
     NO_ADVICE,
     NOT_GOOD,
     NOT_THE_VALVE,
@@ -24,11 +23,15 @@ from tests.support.case_variants import (
     Run,
     Variant,
     gain_within,
+    integral_weaker,
     names,
     never,
     samples_of,
     unflagged,
 )  # fmt: skip
+
+ROLLING_MS = 40.0
+"""Ms of a loop whose swing hardly dies."""
 
 
 def table(name: str, law: Law, process: str = INTEGRATING, **facts: object) -> Loop:
@@ -46,6 +49,15 @@ def pi_of(plant: Plant, product: float, share: float) -> Law:
     """PI settings of a share of SIMC's gain, with gain kp ti = product."""
     kp = share / (2 * plant.slope * plant.theta)
     return Law(float(f"{kp:.3g}"), float(f"{product / (plant.slope * kp):.3g}"), 0.0, 0.0)
+
+
+def rolling(plant: Plant, kp: float) -> Law:
+    """PI settings of a gain whose integral is so strong that the loop swings and hardly ever comes to rest."""
+    for product in np.geomspace(0.5, 0.01, 400):
+        law = Law(kp, float(f"{product / (plant.slope * kp):.4g}"), 0.0, 0.0)
+        if peak(plant, law, 1.0) > ROLLING_MS:
+            return law
+    raise ValueError(f"kp: {kp!r}, no integral time lets the loop roll")
 
 
 def drive_minimum_speed(rng: Rng, case: str) -> list[Variant]:
@@ -67,11 +79,7 @@ def evaporator_cycle(rng: Rng, case: str) -> list[Variant]:
     """Integral far too strong for the gain: one cycles, one with another Ti in the table, one with steps."""
     plant = simple(INTEGRATING, log(rng, 0.02, 0.08), float(round(log(rng, 2.0, 4.0))), [])
     kp = float(f"{rng.uniform(0.12, 0.22) / (2 * plant.slope * plant.theta):.3g}")
-    strong = next(
-        law
-        for product in np.geomspace(0.3, 0.05, 60)
-        if peak(plant, law := Law(kp, float(f"{product / (plant.slope * kp):.3g}"), 0.0, 0.0), 1.0) > 8.0
-    )
+    strong = rolling(plant, kp)
     milder = replace(strong, ti=4 * strong.ti)
     out = []
     for name, law, told in (
@@ -82,7 +90,7 @@ def evaporator_cycle(rng: Rng, case: str) -> list[Variant]:
         run = Run.of(rng, plant, law, 3000, 0.3, 1)
         size = rng.uniform(3.0, 6.0)
         run.setpoint((300, size), (400, 0.0)) if law is strong else run.setpoint((1200, size))
-        claims = [SAFE, INTEGRAL_WEAKER, NOT_GOOD, NOT_THE_VALVE]
+        claims = [SAFE, integral_weaker(4.0 if law is strong else 2.0), NOT_GOOD, NOT_THE_VALVE]
         if name == "EVAP-tiwrong":
             claims = [SAFE, names("ti", "reset", "minute", "integral", flags=["settings_mismatch"]), NOT_GOOD]
         out.append(Variant(case, table(name, law, ti=told), run.samples(), plant, law, tuple(claims)))
@@ -95,20 +103,18 @@ def fryer_level_cycle(rng: Rng, case: str) -> list[Variant]:
     dead = float(round(log(rng, 50.0, 90.0)))
     plant = simple(INTEGRATING, log(rng, 3e-4, 8e-4), dead, [])
     kp = float(f"{rng.uniform(0.1, 0.2) / (2 * plant.slope * dead):.3g}")
-    law = next(
-        law
-        for product in np.geomspace(0.5, 0.03, 80)
-        if peak(plant, law := Law(kp, float(f"{product / (plant.slope * kp):.3g}"), 0.0, 0.0), 1.0) > 10.0
-    )
-    run = Run.of(rng, plant, law, 25_200, 0.06, 10).load((100, rng.uniform(5.0, 15.0)))
-    claims = (SAFE, INTEGRAL_WEAKER, NOT_GOOD, NOT_THE_VALVE, names("integral", "reset"))
+    law = rolling(plant, kp)
+    run = Run.of(rng, plant, law, 28_200, 0.06, 10).load((100, rng.uniform(5.0, 15.0)))
+    samples = run.samples()
+    samples = samples.take(np.arange(300, len(samples)))  # it rolls already when the record begins
+    claims = (SAFE, integral_weaker(4.0), NOT_GOOD, NOT_THE_VALVE, names("integral", "reset"))
     out.append(
-        Variant(case, table("FRYER-cycle", law, pv_low=0.0, pv_high=100.0), run.samples(), plant, law, claims)
+        Variant(case, table("FRYER-cycle", law, pv_low=0.0, pv_high=100.0), samples, plant, law, claims)
     )
     quicker = simple(INTEGRATING, plant.slope, float(round(0.45 * dead)), [])
     mild = replace(law, ti=2.5 * law.ti)
     run = Run.of(rng, quicker, mild, 25_200, 0.06, 10).setpoint((9000, rng.uniform(0.8, 1.5)))
-    claims = (SAFE, gain_within(1.3), INTEGRAL_WEAKER, NOT_THE_VALVE, NOT_GOOD)
+    claims = (SAFE, gain_within(1.3), integral_weaker(2.0), NOT_THE_VALVE, NOT_GOOD)
     loop = table("FRYER-step", mild, pv_low=0.0, pv_high=100.0)
     return [*out, Variant(case, loop, run.samples(), quicker, mild, claims)]
 
@@ -225,9 +231,11 @@ def low_select_override(rng: Rng, case: str) -> list[Variant]:
     limit = -rng.uniform(6.0, 9.0)
     held = np.zeros(n, bool)
     held[4000:9000] = held[12_000:] = True
-    load[4000:] = -limit * 0.9
-    load[6000:9000] -= 2.0
-    load[12_000:] = rng.uniform(2.0, 4.0) - limit
+    drift = 1 / (plant.slope * 5000.0)  # lets PV go by one in a window [OP/PV]
+    load[4000:] = limit + drift * rng.uniform(3.0, 8.0)
+    load[6000:] += drift * rng.uniform(2.0, 6.0)
+    load[9000:] = limit + 3.0
+    load[12_000:] = limit + drift * rng.uniform(5.0, 15.0)
     noise, pv, op = 0.03 * rng.standard_normal(n), np.zeros(n), np.zeros(n)
     y, reset, past = 0.0, 0.0, [0.0] * (dead + 1)
     for k in range(n):
@@ -237,7 +245,7 @@ def low_select_override(rng: Rng, case: str) -> list[Variant]:
         valve = min(op[k], limit) if held[k] else op[k]
         reset += (valve - reset) / law.ti  # external reset follows the valve
         past.append(valve)
-        y += plant.slope * (past[-dead - 1] - load[k] * 0.5)
+        y += plant.slope * (past[-dead - 1] - load[k])
     at = np.arange(0, n, 2)
     samples = samples_of(at * 1.0, sp[at] + 50.0, pv[at] + 50.0, op[at] + 50.0)
     inside = Claim(
@@ -259,7 +267,7 @@ def low_select_override(rng: Rng, case: str) -> list[Variant]:
         ),
     )
     loop = table("LIC-override", law, pv_low=0.0, pv_high=100.0)
-    return [Variant(case, loop, samples, plant, law, (step, inside, SAFE))]
+    return [Variant(case, loop, samples, plant, law, (step, inside, never("retuned on"), SAFE))]
 
 
 def cascade_slave_in_local(rng: Rng, case: str) -> list[Variant]:
@@ -267,7 +275,10 @@ def cascade_slave_in_local(rng: Rng, case: str) -> list[Variant]:
     dead = float(round(log(rng, 12.0, 30.0)))
     plant = simple(SELF, log(rng, 0.3, 0.6), dead, [log(rng, 90.0, 150.0), 4.0])
     law = Law(
-        float(f"{0.35 * plant.lag / (plant.slope * plant.theta):.3g}"), float(f"{plant.lag:.3g}"), 0.0, 0.0
+        float(f"{rng.uniform(0.06, 0.12) * plant.lag / (plant.slope * plant.theta):.3g}"),
+        float(f"{plant.lag:.3g}"),
+        0.0,
+        0.0,
     )
     run = Run.of(rng, plant, law, 14_400, 0.03)
     run.what.shut[5400:10_800] = True
@@ -321,21 +332,19 @@ def drum_inverse_response(rng: Rng, case: str) -> list[Variant]:
 
 def intermittent_hunting(rng: Rng, case: str) -> list[Variant]:
     """An air handler: off at night, a falling set point, and hours in which the coil's gain is too high."""
-    plant = simple(SELF, log(rng, 0.2, 0.4), 120.0, [log(rng, 300.0, 600.0)])
-    law = Law(
-        float(f"{0.4 * plant.lag / (plant.slope * plant.theta):.3g}"), float(f"{plant.lag:.3g}"), 0.0, 0.0
-    )
+    plant = simple(SELF, log(rng, 0.03, 0.05), 120.0, [log(rng, 300.0, 600.0)])
+    kp = 0.15 * plant.lag / (plant.slope * plant.theta)
+    law = Law(float(f"{kp:.3g}"), float(f"{plant.lag:.3g}"), 0.0, 0.0)
     days = 4
     run = Run.of(rng, plant, law, days * 86_400, 0.05, 60, pv_quantum=0.5)
     for day in range(days):
         night = slice(day * 86_400, day * 86_400 + 6 * 3600)
         run.what.auto[night] = False
-        run.what.moved[night.start + 1] = -run.op0
+        run.what.moved[night.start + 1] = -100.0
         first = day * 86_400 + int(rng.uniform(8.0, 13.0) * 3600)
-        run.what.factor[first : first + int(rng.uniform(4.0, 7.0) * 3600)] = rng.uniform(5.0, 8.0)
-    run.what.sp += np.interp(
-        np.arange(len(run.what.sp)), [0, 86_400, 259_200, 345_600], [0.0, 0.0, -4.0, -4.0]
-    )
+        run.what.factor[first : first + int(rng.uniform(4.0, 7.0) * 3600)] = rng.uniform(10.0, 12.0)
+    falls = np.arange(29) * 300 + 57_900  # the programme's steps
+    run.setpoint(*((at, -0.15 * (k + 1)) for k, at in enumerate(falls)))
     claims = (
         names(flags=["oscillating"]),
         NOT_GOOD,

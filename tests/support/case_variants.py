@@ -136,16 +136,18 @@ NO_RETUNE = Claim("tuning not blamed", lambda _v, row, _f: row.verdict != RETUNE
 NOT_THE_VALVE = unflagged("stiction")
 
 
-def _goes_up(variant: Variant, row: LoopRow, _found: Sequence[Assessment]) -> bool:
-    law, today = variant.suggested(row), variant.law
-    return law is None or (
-        abs(law.kp * law.ti) >= 4 * abs(today.kp * today.ti) and abs(law.kp) >= 0.8 * abs(today.kp)
-    )
+def integral_weaker(factor: float) -> Claim:
+    """Claim that a suggestion makes kp ti so much larger, and the gain no smaller."""
 
+    def holds(variant: Variant, row: LoopRow, _found: Sequence[Assessment]) -> bool:
+        law, today = variant.suggested(row), variant.law
+        if law is None:
+            return True
+        return abs(law.kp * law.ti) >= factor * abs(today.kp * today.ti) and abs(law.kp) >= 0.8 * abs(
+            today.kp
+        )
 
-INTEGRAL_WEAKER = Claim(
-    "the integral gets weaker (kp ti four times as large), the gain does not go down", _goes_up
-)
+    return Claim(f"kp ti {factor:g} times as large or more, the gain not lower", holds)
 
 
 # ---------------------------------------------------------------------------------------------------

@@ -204,10 +204,9 @@ def _settings(rng: Rng, kind: str, plant: Plant, law: Law, every: int) -> Law | 
         kp = law.kp * log(rng, 0.2, 0.6)
         rolling = _rounded(kp, log(rng, 0.1, 0.6) / (plant.slope * kp), 0.0)
         return rolling if 3.0 <= peak(plant, rolling, STEP_S) <= 12.0 else None
-    if kind == SPLIT:
-        return _rounded(law.kp * log(rng, 0.35, 1.0), law.ti, law.td, law.form)
-    if kind == P_ONLY:
-        return replace(law, ti=math.inf, kp=law.kp * log(rng, 0.3, 1.0))
+    if kind in {SPLIT, P_ONLY}:
+        less = _rounded(law.kp * log(rng, 0.3, 1.0), law.ti, law.td, law.form)
+        return replace(less, ti=math.inf) if kind == P_ONLY else less
     return law
 
 

@@ -331,20 +331,26 @@ def drum_inverse_response(rng: Rng, case: str) -> list[Variant]:
 
 
 def intermittent_hunting(rng: Rng, case: str) -> list[Variant]:
-    """An air handler: off at night, a falling set point, and hours in which the coil's gain is too high."""
-    plant = simple(SELF, log(rng, 0.03, 0.05), 120.0, [log(rng, 300.0, 600.0)])
+    """An air handler: off at first, then a lower set point, and hours in which the coil's gain is too high."""
+    plant = simple(
+        SELF, log(rng, 0.02, 0.04), float(round(log(rng, 250.0, 450.0))), [log(rng, 600.0, 1500.0)]
+    )
     kp = 0.15 * plant.lag / (plant.slope * plant.theta)
     law = Law(float(f"{kp:.3g}"), float(f"{plant.lag:.3g}"), 0.0, 0.0)
     days = 4
-    run = Run.of(rng, plant, law, days * 86_400, 0.05, 60, pv_quantum=0.5)
+    run = Run.of(
+        rng, plant, law, days * 86_400 + 30_000, 0.03, 60, op0=rng.uniform(60.0, 75.0), pv_quantum=0.1
+    )
+    on = int(rng.uniform(12.0, 18.0) * 3600)
+    run.what.auto[:on] = False
+    run.what.moved[1] = -100.0
+    falls = np.arange(29) * 300 + on - 29 * 300  # the programme's steps, before it is switched on
+    run.setpoint((0, 18.0), *((at, 18.0 * (1.0 - (k + 1) / 29)) for k, at in enumerate(falls)))
+    run.load(*((at, rng.uniform(-15.0, 15.0)) for at in range(on, len(run.what.load), 7200)))  # the weather
     for day in range(days):
-        night = slice(day * 86_400, day * 86_400 + 6 * 3600)
-        run.what.auto[night] = False
-        run.what.moved[night.start + 1] = -100.0
-        first = day * 86_400 + int(rng.uniform(8.0, 13.0) * 3600)
-        run.what.factor[first : first + int(rng.uniform(4.0, 7.0) * 3600)] = rng.uniform(10.0, 12.0)
-    falls = np.arange(29) * 300 + 57_900  # the programme's steps
-    run.setpoint(*((at, -0.15 * (k + 1)) for k, at in enumerate(falls)))
+        first = on + day * 86_400 + int(rng.uniform(3.0, 8.0) * 3600)
+        n = len(run.what.factor[first : first + int(rng.uniform(3.0, 9.0) * 3600)])
+        run.what.factor[first : first + n] = np.linspace(*rng.uniform(12.0, 16.0, 2), n)
     claims = (
         names(flags=["oscillating"]),
         NOT_GOOD,

@@ -13,7 +13,6 @@ import numpy as np
 
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, LOAD, SETPOINT, UNDECIDED, Assessment, event_id
-from monitor.contract.samples import Array
 from monitor.detect.event import (
     BY_MOVING,
     CAUSES,
@@ -63,6 +62,10 @@ OFF_REST = "no index: PV was not at its set point when the load came"
 LOAD_BESIDE = "no index: a load came beside the set-point step, and the error is that one's, too"
 
 
+Range = tuple[float, float]
+"""From, to."""
+
+
 @dataclass(frozen=True, slots=True)
 class Finding:
     """One assessed event, with what the loop's own verdict needs of it."""
@@ -95,10 +98,8 @@ class Finding:
     """Nothing happened: a suspected load that began before the data, a gap or automatic did."""
     stepped: bool = True
     """Set point or load stepped: the reference's error is known for any model."""
-    op_levels: tuple[float, float] = (0.0, 0.0)
-    """Between which OP was for most of the time after the onset [OP]."""
-    pv_levels: tuple[float, float] = (0.0, 0.0)
-    """And PV [PV]."""
+    levels: tuple[Range, Range] = ((0.0, 0.0), (0.0, 0.0))
+    """Between which values OP [OP], and PV [PV], were for most of the time after the onset."""
 
     @property
     def swing(self) -> float:
@@ -178,8 +179,7 @@ def assess_event(
         period=event.period,
         error=event.iae - event.iae_noise,
         stepped=event.kind != SETPOINT_RAMP,
-        op_levels=_levels(event.window.op[event.window.before :]),
-        pv_levels=_levels(event.window.pv[event.window.before :]),
+        levels=_levels(event),
         at_limit=bool(limited),
         damped=figures.damped,
         predicted=figures.predicted,
@@ -188,10 +188,11 @@ def assess_event(
     return _with_rivals(finding, event, shown) if thorough and finding.is_event else finding
 
 
-def _levels(values: Array) -> tuple[float, float]:
-    """Return between which values a signal was for most of the time, and where it came from."""
-    low, high = np.quantile(values, (0.1, 0.9))
-    return min(float(low), float(values[0])), max(float(high), float(values[0]))
+def _levels(event: ClosedEvent) -> tuple[Range, Range]:
+    """Return between which values OP and PV were for most of the time, and where they came from."""
+    op, pv = (values[event.window.before :] for values in (event.window.op, event.window.pv))
+    ends = ((*np.quantile(values, (0.1, 0.9)), values[0]) for values in (op, pv))
+    return tuple((float(min(each)), float(max(each))) for each in ends)  # type: ignore[return-value]
 
 
 def _with_rivals(finding: Finding, event: ClosedEvent, shown: Shown) -> Finding:

@@ -269,8 +269,17 @@ def _against_fit(loop: Loop, event: ClosedEvent, fit: Fit, decided: bool) -> lis
             f"({fit.interval('dead_time')[0]:.3g} s at least): the model is wrong, or OP was moved ahead"
         )
     if loop.kp is not None and fit.gain * loop.kp < 0:
+        # a loop that holds PV has the right sign; only a model beyond doubt says that the table has not
+        sure = (
+            not reasons
+            and event.kind != LOAD_STEP
+            and not is_wide(fit)
+            and fit.quality >= LEAST_DISTURBED_FIT
+        )
         reasons.append(
             "the process gain found and the controller gain kp have opposite signs: check the loop table"
+            if sure
+            else "the gain found has the wrong sign for a loop that holds PV: something else moved it"
         )
     gain, _ = by_integrals(event, fit)
     small = abs(event.offset) <= 0.05 * abs(event.amplitude)

@@ -13,6 +13,8 @@ from itertools import pairwise
 from monitor.assess.event import Finding
 from monitor.identify.fit import Fit, combine, contradictory
 
+OP, PV = 0, 1
+"""Places of the signals in a finding's levels."""
 LEAST_RATIO = 1.3
 """Of the two sides' gains, below which they are one."""
 LEAST_EVENTS = 3
@@ -29,14 +31,14 @@ def goes_with(findings: list[Finding]) -> str:
     findings
         Of one loop, of one kind of process, each with a model.
     """
-    split = _split(findings, "op_levels")
+    split = _split(findings, OP)
     if split is not None:
         at, low, high = split
         return (
             f"the gain is {low:.2g} with OP below {at:.3g} and {high:.2g} above: a split range, a valve whose gain is "
             "not constant, or an output without effect on one side; settings for the larger gain are safe on both"
         )
-    split = _split(findings, "pv_levels")
+    split = _split(findings, PV)
     if split is not None:
         at, low, high = split
         return (
@@ -46,9 +48,9 @@ def goes_with(findings: list[Finding]) -> str:
     return ""
 
 
-def _split(findings: list[Finding], name: str) -> tuple[float, float, float] | None:
+def _split(findings: list[Finding], signal: int) -> tuple[float, float, float] | None:
     """Return the value between two groups of one gain each, and the gain below and above it; None without one."""
-    levels = [getattr(f, name) for f in findings]
+    levels = [f.levels[signal] for f in findings]
     middles = sorted(0.5 * (low + high) for low, high in levels)
     best: tuple[float, float, float] | None = None
     for one, other in pairwise(middles):

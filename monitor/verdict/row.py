@@ -79,7 +79,7 @@ def _of_health(health: Health, op_span: float | None) -> Figures:
 
 
 def _of_valve(health: Health, op_span: float | None) -> Figures:
-    """Return the columns of the valve: how surely it sticks, and its band [% of OP's span, OP where that is unknown]."""
+    """Return how surely the valve sticks, and its band [% of OP's span, OP where that is not known]."""
     valve = health.signs.valve
     if valve is None:
         return {"stiction": health.stiction}

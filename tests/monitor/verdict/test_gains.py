@@ -21,7 +21,7 @@ def event(gain: float, op_level: float, pv_level: float = 50.0) -> Finding:
     finding = Finding(
         record, make_fit(gain=gain), usable=True, wide=False, is_event=True, noise=0.01, period=1.0
     )
-    return replace(finding, op_levels=(op_level - 2, op_level + 2), pv_levels=(pv_level - 1, pv_level + 1))
+    return replace(finding, levels=((op_level - 2, op_level + 2), (pv_level - 1, pv_level + 1)))
 
 
 def test_a_split_range_is_named_by_the_side_of_op():
@@ -42,7 +42,7 @@ def test_a_vessel_that_is_wider_in_the_middle_is_named_by_the_level_of_pv():
 
 def test_an_event_that_crosses_the_value_shows_something_between():
     """One large step from the middle to the bottom."""
-    crossing = replace(event(0.012, 50), pv_levels=(11.0, 50.0))
+    crossing = replace(event(0.012, 50), levels=((48.0, 52.0), (11.0, 50.0)))
     events = [
         event(0.0167, 50, 10),
         event(0.01, 49, 50),

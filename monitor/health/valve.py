@@ -31,8 +31,8 @@ LEAST_QUIET = 3e-3
 """Of PV's range, below which it is quiet whatever is left."""
 LEAST_BLOCK_LR = -30.0
 """What a block can say against a band at most: a disturbance in one must not outweigh the others."""
-SUMS = ("lr", "weight", "both", "miss", "lin", "gain", "ratio", "blocks")
-"""LR; and of blocks that speak for the band: LR, BOTH, MISS, LIN; logarithms of gain and ratio, times LR; how many."""
+SUMS = ("lr", "weight", "lean", "miss", "lin", "gain", "ratio", "blocks")
+"""LR; LEAN; and of blocks that speak for the band: LR, MISS, LIN; logarithms of gain and ratio, times LR; how many."""
 REST_SUMS = ("weight", *RESTS, "reach")
 """Largest LR at any level where that is above 0, and times this: what is seen in rests (logarithms, but of the share),
 and the logarithm of the band over OP's range."""
@@ -89,12 +89,12 @@ def valve_evidence(
     sp, pv, op = (np.ascontiguousarray(x, dtype=np.float64) for x in (sp, pv, op))
     table, starts = fit_block(sp, pv, op, bands)
     seen = table[..., 0] > NOT_FITTED
-    lr, both, miss, lin, gain, ratio = np.moveaxis(np.where(seen[..., None], table, 0.0), -1, 0)
-    lr = np.maximum(lr, LEAST_BLOCK_LR)
+    lr, lean, miss, lin, gain, ratio = np.moveaxis(np.where(seen[..., None], table, 0.0), -1, 0)
+    lr, lean = np.maximum(lr, LEAST_BLOCK_LR), np.maximum(lean, LEAST_BLOCK_LR)
     weight = np.maximum(lr, 0.0)
     speaks = weight > 0.0
     logs = [weight * np.log(np.clip(x, 0.1, 10.0)) for x in (gain, ratio)]
-    fits = [lr, weight, *(np.where(speaks, x, 0.0) for x in (both, miss, lin)), *logs, lr > SPEAKING_LR]
+    fits = [lr, weight, lean, *(np.where(speaks, x, 0.0) for x in (miss, lin)), *logs, lr > SPEAKING_LR]
     most = weight.max(axis=0)
     rests = np.zeros((*most.shape, len(RESTS)))
     means, v = means_of(pv), np.empty(len(op))
@@ -150,3 +150,68 @@ def merged(one: ValveEvidence, other: ValveEvidence) -> ValveEvidence:
         at = int(np.argmax(mass))
         first, fits, rests = first + at, fits[:, :, at : at + MOST_BANDS], rests[:, at : at + MOST_BANDS]
     return ValveEvidence(first, one.blocks + other.blocks, fits, rests)
+
+
+def figures_of(evidence: ValveEvidence) -> dict[str, NDArray[np.float64]]:
+    """Return what evidence says of each level, shape and band: by name, arrays (levels, shapes, bands).
+
+    lr, lean: sums over blocks, of equally many parameters, and of three in the element. agreeing: share of lr that no block
+    contradicts. missing: what OP still explains beside the element, as a share. linear: what OP explains at all, over
+    lr. gain, ratio: logarithms, of the element's static gain over what PV's range asks for, and over the linear
+    model's. sharp: how much of lr is gone three and four bands away. other_level: lr at the second best level, as a
+    share. idle, share, quiet, travel, straight, reach: see `REST_SUMS`.
+    """
+    sums = dict(zip(SUMS, np.moveaxis(evidence.fits.astype(np.float64), -1, 0), strict=True))
+    rests = dict(zip(REST_SUMS, np.moveaxis(evidence.rests.astype(np.float64), -1, 0), strict=True))
+    lr, weight = sums["lr"], np.maximum(sums["weight"], 1e-9)
+    rested = np.maximum(rests.pop("weight"), 1e-9)
+    least = np.maximum(lr, 1.0)
+    second = np.sort(np.maximum(lr, 0.0), axis=0)[-2]
+    return {
+        "lr": lr,
+        "lean": sums["lean"],
+        "agreeing": lr / np.maximum(weight, 1.0),
+        "missing": sums["miss"] / np.maximum(weight + sums["miss"], 1.0),
+        "linear": sums["lin"] / least,
+        "gain": sums["gain"] / weight,
+        "ratio": sums["ratio"] / weight,
+        "sharp": 1.0 - _beside(lr) / least,
+        "other_level": np.broadcast_to(second, lr.shape) / least,
+        **{name: np.broadcast_to(x / rested, lr.shape) for name, x in rests.items()},
+    }
+
+
+def _beside(lr: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the mean LR of the bands three and four steps away; LR itself where there are none."""
+    total, count = np.zeros_like(lr), np.zeros(lr.shape[2])
+    for away in BESIDE_BANDS:
+        if away < lr.shape[2]:
+            total[..., away:] += lr[..., :-away]
+            total[..., :-away] += lr[..., away:]
+            count[away:] += 1.0
+            count[:-away] += 1.0
+    return np.asarray(np.where(count > 0.0, total / np.maximum(count, 1.0), 0.0))
+
+
+def valve_found(evidence: ValveEvidence) -> Valve | None:
+    """Return the valve that the evidence shows best; None where nothing speaks for one."""
+    figures = figures_of(evidence)
+    strength = np.zeros(figures["lr"].shape)
+    for alternative in ALTERNATIVES:
+        met = np.ones(strength.shape, dtype=bool)
+        for name, (low, high) in alternative.items():
+            if name not in STRENGTHS:
+                met &= (figures[name] >= low) & (figures[name] <= high)
+        over = np.min([figures[name] / alternative[name][0] for name in STRENGTHS], axis=0)
+        strength = np.maximum(strength, np.where(met, np.clip(over / (1.0 + over), 0.0, 1.0), 0.0))
+    if strength.max() < LEAST_STRENGTH:
+        return None
+    named = strength > 0.5 if strength.max() > 0.5 else strength > 0.0
+    at = np.unravel_index(int(np.argmax(np.where(named, figures["lr"], -np.inf))), strength.shape)
+    level, shape, band = (int(x) for x in at)
+    return Valve(
+        GRID_FACTOR ** (evidence.first + band),
+        SHAPES[shape],
+        float(strength[at]),
+        AVERAGED_SAMPLES[level],
+    )

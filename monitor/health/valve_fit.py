@@ -31,6 +31,8 @@ PV_LOW_PASSES = (1.0 / 8.0, 1.0 / 24.0)
 """The same of PV: where noise is large, its mean says more than its last values."""
 PATH = OP_LAGS + 2
 """Columns of OP, or of the path in its place: both models have as many parameters."""
+LEAN = 3
+"""Columns of a lean element, which gains nothing by mere flexibility."""
 BASE = PV_LAGS + 5
 """Columns without OP: mean, PV's past and low-passes, two moves of SP."""
 LINEAR = BASE + PATH
@@ -48,7 +50,7 @@ LEAST_REST, RIDGE_SHARE = 1e-12, 1e-7
 NOT_FITTED = -1e9
 SIGN_SAMPLES = (1, 4, 16)
 """Samples in the averages at which the controller's sign is looked for: noise may hide it in single samples."""
-FIELDS = ("lr", "both", "miss", "lin", "gain", "ratio")
+FIELDS = ("lr", "lean", "miss", "lin", "gain", "ratio")
 """Of a fit, see `compare`."""
 
 Array = NDArray[np.float64]
@@ -178,8 +180,8 @@ def compare(low, cross, own, n, sign, out):
     sign
         1 where OP raises PV, else -1.
     out
-        Filled: LR, N ln of what the linear model leaves over what the element leaves; BOTH, N ln of what the linear
-        one leaves over what both together leave; MISS, the same of the element; LIN, of the model without OP over
+        Filled: LR, N ln of what the linear model leaves over what the element leaves; LEAN, the same of an
+        element with three columns; MISS, N ln of what the element leaves over what both together leave; LIN, of the model without OP over
         that with three past OP; the element's static gain [std of PV over std of OP], in feedback's direction; sum
         of its b over that of the linear model.
     """
@@ -221,7 +223,10 @@ def compare(low, cross, own, n, sign, out):
     for k in range(BASE, linear_n):
         theirs += sign * a[k]
     out[0] = n * np.log(linear / element)
-    out[1] = n * np.log(linear / both)
+    lean = base
+    for k in range(LEAN):
+        lean -= f[path, k] ** 2
+    out[1] = n * np.log(linear / max(lean, LEAST_REST))
     out[2] = n * np.log(element / both)
     out[3] = n * np.log(base / short)
     out[4] = ours / max(dc, 0.01) if ours > 0 else 0.0

@@ -224,11 +224,12 @@ def _try(rng: np.random.Generator, kind: str, process: str) -> Case | None:
     noise = band / effect if band else _log(rng, 0.05, 1.0)
     unit = band or noise
     slow = max(loop.time, loop.ti, every)
-    load = unit * _log(rng, 0.1, 3.0) * _wander(rng, n, slow * _log(rng, 2.0, 100.0))
+    wide = _log(rng, 0.02, 0.3) if band and rng.random() < 0.4 else _log(rng, 0.1, 3.0)
+    load = unit * wide * _wander(rng, n, slow * _log(rng, 2.0, 100.0))
     sp = np.zeros(n)
     if rng.random() < {"setpoint": 1.0, "healthy": 0.67}.get(kind, 0.3):
         sp += _moves(rng, n, int(rng.integers(2, 20)), unit * _log(rng, 3.0, 40.0))
-    if rng.random() < {"healthy": 0.5}.get(kind, 0.2):
+    if rng.random() < (0.0 if band and wide < 0.1 else {"healthy": 0.5}.get(kind, 0.2)):
         load += _moves(rng, n, int(rng.integers(2, 20)), unit * _log(rng, 3.0, 30.0))
     if kind in {"sine", "square", "triangle"}:
         load += (

@@ -159,13 +159,11 @@ def assess_event(
     # figures of a model that does not explain the event would only mislead
     trusted = fit if fit is not None and decided and is_explained(fit, event) else None
     limited = at_limit(event)
-    ci = None if trusted is None or limited else index(loop, event, trusted)
-    model = None if trusted is None else model_of(trusted)
-    ms = None if contradiction else current_sensitivity(loop, model, event.period)
     doubts = [*against, contradiction] if contradiction else against
-    figures = Figures(ci, ms, _predicted(loop, event, model, ci, ms), is_damped(event))
+    model = None if trusted is None else model_of(trusted)
+    figures = _figures(loop, event, None if limited else trusted, model, known=not contradiction)
     verdict, reason = _said(loop, event, model, figures, doubts)
-    if verdict == INCONCLUSIVE and ci is None and not (limited or doubts):
+    if verdict == INCONCLUSIVE and figures.ci is None and not (limited or doubts):
         reason = _why_no_index(event, trusted) or reason
     said = verdict, "; ".join(filter(None, [shown.contradiction, ramped, reason]))
     finding = Finding(
@@ -186,6 +184,13 @@ def assess_event(
     )
     thorough = thorough or verdict != GOOD or not figures.far_above(loop.ci_min)
     return _with_rivals(finding, event, shown) if thorough and finding.is_event else finding
+
+
+def _figures(loop: Loop, event: ClosedEvent, of: Fit | None, model: Model | None, *, known: bool) -> Figures:
+    """Return the figures of a verdict: the index by the fit ``of`` it, and Ms where the settings are ``known``."""
+    ci = None if of is None else index(loop, event, of)
+    ms = current_sensitivity(loop, model, event.period) if known else None
+    return Figures(ci, ms, _predicted(loop, event, model, ci, ms), is_damped(event))
 
 
 def _levels(event: ClosedEvent) -> tuple[Range, Range]:

@@ -74,6 +74,21 @@ MEANINGS: dict[str, Meaning] = {
         "How much the oscillation has the shape that a sticking valve gives it.",
         "Check valve and positioner before the tuning.",
     ),
+    "oscillating_share": Meaning(
+        "share of time",
+        "How long the error swung in episodes of five cycles or more.",
+        "Hunting by the hour: compare its times with what ran then.",
+    ),
+    "oscillation_amplitude": Meaning(
+        "PV",
+        "Size of the longest episode.",
+        "Of loops with one period look first where it is largest against the noise.",
+    ),
+    "dead_band": Meaning(
+        "% of OP's span, or OP",
+        "What OP travels after a reversal before the valve moves.",
+        "Above 1 %: packing, positioner, actuator.",
+    ),
     "harris": Meaning(
         "0-1",
         "Least variance that any controller could reach over that of the error; 1 is as quiet as it gets.",

@@ -162,7 +162,7 @@ class Diagnosis:
         own = max(self.episodes, key=lambda e: e.oscillating_share or 0.0)
         said = tracking_verdict(list(self.moves))
         within = max((m.delay + 3.0 * m.lag for m in self.moves if m.verdict == said), default=None)
-        valves: list[Valve] = []
+        valves = [v for e in self.evidence if e is not None and (v := valve_found(e)) is not None]
         return Signs(
             valve=max(valves, key=lambda v: v.strength, default=None),
             two_valued=self.two_valued,

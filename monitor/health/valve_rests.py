@@ -6,7 +6,6 @@ A band that is real shows in stretches in which OP swings and PV does nothing (d
 from __future__ import annotations
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 SWING_SHARE = (0.55, 0.38)

@@ -78,7 +78,9 @@ def records(path: Path) -> None:
         found = found_in([valve_evidence(*(rows[c].to_numpy(float) for c in ("sp", "pv", "op")))])
         named[labels[loop]] += found is not None
         if found is not None:
-            print(f"  {loop} ({labels[loop]}): {found.shape}, {found.band:.2f}, strength {found.strength:.2f}")
+            print(
+                f"  {loop} ({labels[loop]}): {found.shape}, {found.band:.2f}, strength {found.strength:.2f}"
+            )
     print("; ".join(f"{label} {named[label]} of {n}" for label, n in labels.value_counts().items()))
 
 
@@ -109,7 +111,9 @@ def main() -> None:
     if args.records:
         records(args.records)
     counts = table(args.loops, args.seed)
-    print(f"{'kind':12s}{'process':8s}{'quiet':>7s}{'blocks':>8s}{'loops':>8s}  to be seen  named   band/true 1 5 9")
+    print(
+        f"{'kind':12s}{'process':8s}{'quiet':>7s}{'blocks':>8s}{'loops':>8s}  to be seen  named   band/true 1 5 9"
+    )
     for (kind, process), own in counts.items():
         per_block = 100.0 / (BLOCKS * args.loops)
         line = f"{kind:12s}{process:8s}{own['quiet'] * per_block:6.0f}%{own['blocks'] * per_block:7.1f}%"

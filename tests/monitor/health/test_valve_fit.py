@@ -107,7 +107,9 @@ def test_what_is_left_is_that_of_least_squares(shape: str) -> None:
 
     element_rows = np.concatenate([base, past])
     one = dict(zip(FIELDS, table[level, kind, 0], strict=True))
-    assert one["lr"] == pytest.approx((n - first) * math.log(left(linear) / left(element_rows)), rel=1e-3, abs=0.1)
+    assert one["lr"] == pytest.approx(
+        (n - first) * math.log(left(linear) / left(element_rows)), rel=1e-3, abs=0.1
+    )
     both = (n - first) * math.log(left(element_rows) / left(np.concatenate([linear, past])))
     assert one["miss"] == pytest.approx(both, rel=1e-2, abs=0.5)
     assert one["lr"] > 20.0

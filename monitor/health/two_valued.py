@@ -1,4 +1,4 @@
-"""Whether OP takes two values nearly always: a relay, or pulse width, is recorded in place of the controller's demand."""
+"""Whether OP takes two values nearly always: a relay, or pulse width, is recorded in place of a demand."""
 
 from __future__ import annotations
 

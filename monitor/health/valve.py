@@ -36,6 +36,38 @@ SUMS = ("lr", "weight", "lean", "miss", "lin", "gain", "ratio", "blocks")
 REST_SUMS = ("weight", *RESTS, "reach")
 """Largest LR at any level where that is above 0, and times this: what is seen in rests (logarithms, but of the share),
 and the logarithm of the band over OP's range."""
+BESIDE_BANDS = (3, 4)
+"""Steps to bands that are another one surely."""
+LEAST_STRENGTH = 0.1
+"""Below it nothing speaks for a valve."""
+ANY = math.inf
+ALTERNATIVES: tuple[dict[str, tuple[float, float]], ...] = (
+    # few rests, in which OP passes the band slowly: PV is quiet, then follows; OP explains less by itself
+    {
+        "lr": (20.0, ANY), "lean": (8.0, ANY), "linear": (-ANY, 1.0), "gain": (-0.5, ANY), "ratio": (0.0, ANY),
+        "idle": (-ANY, 2.1), "share": (0.4, ANY), "quiet": (-ANY, -1.5), "reach": (-0.6, ANY), "samples": (-ANY, 4.0),
+    },
+    # some rests, PV straight in each, a band that is sharp and seen at more than one level
+    {
+        "lr": (30.0, ANY), "lean": (12.0, ANY), "missing": (-ANY, 0.5), "linear": (-ANY, 3.0), "gain": (-0.1, ANY),
+        "ratio": (-0.2, ANY), "idle": (-ANY, 2.77), "quiet": (-ANY, -1.05), "straight": (-ANY, -3.5),
+        "reach": (-ANY, -0.36), "sharp": (0.85, ANY), "agreeing": (0.72, ANY), "other_level": (0.4, ANY),
+    },
+    # OP explains next to nothing by itself, the element all
+    {
+        "lr": (34.5, ANY), "missing": (-ANY, 0.34), "linear": (-ANY, 0.55), "gain": (0.64, ANY), "idle": (1.75, 2.77),
+        "share": (0.23, ANY), "quiet": (-ANY, -0.8), "travel": (1.0, ANY), "reach": (-ANY, -0.4), "sharp": (0.65, ANY),
+        "agreeing": (0.6, ANY),
+    },
+    # so much speaks for it that two or three rests suffice
+    {
+        "lr": (80.0, ANY), "lean": (36.0, ANY), "linear": (-ANY, 0.2), "gain": (-1.6, ANY), "idle": (-ANY, 1.39),
+        "quiet": (-ANY, -0.9), "straight": (-ANY, -1.2), "sharp": (0.55, ANY), "agreeing": (0.56, ANY),
+    },
+)  # fmt: skip
+"""What names a valve, each by itself: least and most of `figures_of`. Found on simulated loops (tests/bench/valves_fleet.py)
+by a search for what names most valves at the fewest sound loops, then rounded, lr times 1.5; the first after the
+records of a refinery's valves, held against the same loops."""
 SPEAKING_LR = 3.0
 """From which on a block counts among those that speak for a band."""
 
@@ -155,8 +187,8 @@ def merged(one: ValveEvidence, other: ValveEvidence) -> ValveEvidence:
 def figures_of(evidence: ValveEvidence) -> dict[str, NDArray[np.float64]]:
     """Return what evidence says of each level, shape and band: by name, arrays (levels, shapes, bands).
 
-    lr, lean: sums over blocks, of equally many parameters, and of three in the element. agreeing: share of lr that no block
-    contradicts. missing: what OP still explains beside the element, as a share. linear: what OP explains at all, over
+    lr, lean: sums over blocks, of equally many parameters, and of three in the element. agreeing: share of lr that no
+    block contradicts. missing: what OP still explains beside the element, as a share. linear: what OP explains at all, over
     lr. gain, ratio: logarithms, of the element's static gain over what PV's range asks for, and over the linear
     model's. sharp: how much of lr is gone three and four bands away. other_level: lr at the second best level, as a
     share. idle, share, quiet, travel, straight, reach: see `REST_SUMS`.
@@ -168,6 +200,7 @@ def figures_of(evidence: ValveEvidence) -> dict[str, NDArray[np.float64]]:
     least = np.maximum(lr, 1.0)
     second = np.sort(np.maximum(lr, 0.0), axis=0)[-2]
     return {
+        "samples": np.broadcast_to(np.array(AVERAGED_SAMPLES, dtype=np.float64)[:, None, None], lr.shape),
         "lr": lr,
         "lean": sums["lean"],
         "agreeing": lr / np.maximum(weight, 1.0),
@@ -198,12 +231,12 @@ def valve_found(evidence: ValveEvidence) -> Valve | None:
     figures = figures_of(evidence)
     strength = np.zeros(figures["lr"].shape)
     for alternative in ALTERNATIVES:
-        met = np.ones(strength.shape, dtype=bool)
-        for name, (low, high) in alternative.items():
-            if name not in STRENGTHS:
-                met &= (figures[name] >= low) & (figures[name] <= high)
-        over = np.min([figures[name] / alternative[name][0] for name in STRENGTHS], axis=0)
-        strength = np.maximum(strength, np.where(met, np.clip(over / (1.0 + over), 0.0, 1.0), 0.0))
+        limits = {name: limit for name, limit in alternative.items() if name != "lr"}
+        met = np.all(
+            [(figures[name] >= low) & (figures[name] <= high) for name, (low, high) in limits.items()], axis=0
+        )
+        over = np.maximum(figures["lr"], 0.0) / alternative["lr"][0]
+        strength = np.maximum(strength, np.where(met, over / (1.0 + over), 0.0))
     if strength.max() < LEAST_STRENGTH:
         return None
     named = strength > 0.5 if strength.max() > 0.5 else strength > 0.0

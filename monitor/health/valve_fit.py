@@ -12,7 +12,6 @@ w away, then jumps the whole way (A. Stenman, F. Gustafsson, K. Forsman, Int. J.
 from __future__ import annotations
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from monitor.compiled import jit, jit_sums
@@ -51,7 +50,7 @@ NOT_FITTED = -1e9
 SIGN_SAMPLES = (1, 4, 16)
 """Samples in the averages at which the controller's sign is looked for: noise may hide it in single samples."""
 FIELDS = ("lr", "lean", "miss", "lin", "gain", "ratio")
-"""Of a fit, see `compare`."""
+"""Of a fit, see `_compare`."""
 
 Array = NDArray[np.float64]
 
@@ -86,7 +85,7 @@ def path_of(op, w, shape, start, v):
 
 
 @jit_sums
-def dot(a, b):
+def _dot(a, b):
     """Return the sum of the products of two series."""
     total = 0.0
     for t in range(len(a)):
@@ -95,7 +94,7 @@ def dot(a, b):
 
 
 @jit
-def averages(x, m, mean, scale, out):
+def _averages(x, m, mean, scale, out):
     """Fill `out` with means of m samples each, less a mean, over a scale; what is left at the end is left out."""
     for i in range(len(x) // m):
         total = 0.0
@@ -105,7 +104,7 @@ def averages(x, m, mean, scale, out):
 
 
 @jit
-def past_of(u, n, lags, weights, out):
+def _past_of(u, n, lags, weights, out):
     """Fill rows of `out` with the last values of n averages before each, from the seventh on; then its low-passes."""
     for j in range(lags):
         for t in range(FIRST, n):
@@ -119,7 +118,7 @@ def past_of(u, n, lags, weights, out):
 
 
 @jit
-def factor(a):
+def _factor(a):
     """Turn products into their lower triangular factor, in place; a column that others explain becomes zero."""
     for j in range(len(a)):
         full = a[j, j]
@@ -135,7 +134,7 @@ def factor(a):
 
 
 @jit
-def back(low, z, n, out):
+def _back(low, z, n, out):
     """Solve low' out = z for the first n."""
     for i in range(n - 1, -1, -1):
         total = z[i]
@@ -160,11 +159,34 @@ def _left_of(z, zy, own, taken, rest, out):
         out[path, i] = total
         out[i, i] += RIDGE_SHARE * own[i, i]
     out[path, path] = rest
-    factor(out)
+    _factor(out)
 
 
 @jit
-def compare(low, cross, own, n, sign, out):
+def _gains(low, z, f, sign, out):
+    """Fill `out` with the element's static gain, and with the sum of its b over that of the linear model."""
+    path, linear = len(f) - 1, len(low) - 1
+    zy = low[linear]
+    b, a, rest, ours, dc, theirs = np.zeros(path), np.zeros(linear), np.empty(BASE), 0.0, 1.0, 0.0
+    _back(f, f[path], path, b)
+    for i in range(path):
+        ours += sign * b[i]
+    for k in range(BASE):
+        rest[k] = zy[k]
+        for i in range(path):
+            rest[k] -= b[i] * z[i, k]
+    _back(low, rest, BASE, a)
+    for k in range(1, BASE - 2):
+        dc -= a[k]
+    _back(low, zy, linear, a)
+    for k in range(BASE, linear):
+        theirs += sign * a[k]
+    out[4] = ours / max(dc, 0.01) if ours > 0 else 0.0
+    out[5] = ours / max(theirs, 0.1 * abs(ours)) if ours > 0 else 0.0
+
+
+@jit
+def _compare(low, cross, own, n, sign, out):
     """Compare an element's path with the linear model.
 
     Parameters
@@ -205,23 +227,6 @@ def compare(low, cross, own, n, sign, out):
     _left_of(z, zy, own, linear_n, linear, s)
     element = max(f[path, path] ** 2, LEAST_REST)
     both = max(s[path, path] ** 2, LEAST_REST)
-    b, a = np.zeros(path), np.zeros(linear_n)
-    back(f, f[path], path, b)
-    rest, ours = np.empty(BASE), 0.0
-    for i in range(path):
-        ours += sign * b[i]
-    for k in range(BASE):
-        rest[k] = zy[k]
-        for i in range(path):
-            rest[k] -= b[i] * z[i, k]
-    back(low, rest, BASE, a)
-    dc = 1.0
-    for k in range(1, BASE - 2):
-        dc -= a[k]
-    back(low, zy, linear_n, a)
-    theirs = 0.0
-    for k in range(BASE, linear_n):
-        theirs += sign * a[k]
     out[0] = n * np.log(linear / element)
     lean = base
     for k in range(LEAN):
@@ -229,25 +234,24 @@ def compare(low, cross, own, n, sign, out):
     out[1] = n * np.log(linear / max(lean, LEAST_REST))
     out[2] = n * np.log(element / both)
     out[3] = n * np.log(base / short)
-    out[4] = ours / max(dc, 0.01) if ours > 0 else 0.0
-    out[5] = ours / max(theirs, 0.1 * abs(ours)) if ours > 0 else 0.0
+    _gains(low, z, f, sign, out)
 
 
 @jit
-def fit_path(columns, n, first, past, low, sign, out):
-    """Compare a path's columns with the linear model from an average on; see `compare`."""
+def _fit_path(columns, n, first, past, low, sign, out):
+    """Compare a path's columns with the linear model from an average on; see `_compare`."""
     path, linear = len(past), len(columns)
     cross, own = np.empty((path, linear)), np.empty((path, path))
     for i in range(path):
         for k in range(linear):
-            cross[i, k] = dot(past[i, first:n], columns[k, first:n])
+            cross[i, k] = _dot(past[i, first:n], columns[k, first:n])
         for k in range(i + 1):
-            own[i, k] = dot(past[i, first:n], past[k, first:n])
-    compare(low, cross, own, n - first, sign, out)
+            own[i, k] = _dot(past[i, first:n], past[k, first:n])
+    _compare(low, cross, own, n - first, sign, out)
 
 
 @jit
-def fit_bands(op, bands, columns, counts, u_mean, u_scale, sign, table, starts):
+def _fit_bands(op, bands, columns, counts, u_mean, u_scale, sign, table, starts):
     """Fit both shapes at all bands and levels: fill `table` (levels, shapes, bands, FIELDS), `starts` (shapes, bands).
 
     `columns`: (levels, LINEAR + 1, samples), of which `counts` averages are used; LR stays where nothing is fitted.
@@ -275,13 +279,13 @@ def fit_bands(op, bands, columns, counts, u_mean, u_scale, sign, table, starts):
                         known[level, chunk] = 1.0
                         for i in range(linear):
                             for j in range(i + 1):
-                                low[i, j] = dot(
+                                low[i, j] = _dot(
                                     columns[level, i, first:count], columns[level, j, first:count]
                                 )
-                        factor(low)
-                    averages(v, m, u_mean, u_scale, u)
-                    past_of(u, n // m, OP_LAGS, OP_LOW_PASSES, past)
-                    fit_path(columns[level], count, first, past, low, sign, one)
+                        _factor(low)
+                    _averages(v, m, u_mean, u_scale, u)
+                    _past_of(u, n // m, OP_LAGS, OP_LOW_PASSES, past)
+                    _fit_path(columns[level], count, first, past, low, sign, one)
                     if one[0] > table[level, shape, b, 0]:
                         for i in range(len(one)):
                             table[level, shape, b, i] = one[i]
@@ -306,14 +310,14 @@ def columns_of(sp: Array, pv: Array, op: Array) -> tuple[Array, NDArray[np.int64
         if n < LEAST_AVERAGES:
             continue
         counts[level], own = n - FIRST, columns[level]
-        averages(sp, m, float(sp[0]), y_scale, s)
-        averages(pv, m, float(pv.mean()), y_scale, y)
-        averages(op, m, float(op.mean()), float(op.std()), u)
+        _averages(sp, m, float(sp[0]), y_scale, s)
+        _averages(pv, m, float(pv.mean()), y_scale, y)
+        _averages(op, m, float(op.mean()), float(op.std()), u)
         own[0] = 1.0
-        past_of(y, n, PV_LAGS, PV_LOW_PASSES, own[1:])
+        _past_of(y, n, PV_LAGS, PV_LOW_PASSES, own[1:])
         own[BASE - 2, : n - FIRST] = s[FIRST:n] - s[FIRST - 1 : n - 1]
         own[BASE - 1, : n - FIRST] = s[FIRST - 1 : n - 1] - s[FIRST - 2 : n - 2]
-        past_of(u, n, OP_LAGS, OP_LOW_PASSES, own[BASE:])
+        _past_of(u, n, OP_LAGS, OP_LOW_PASSES, own[BASE:])
         own[LINEAR, : n - FIRST] = y[FIRST:n]
     return columns, counts
 
@@ -353,5 +357,5 @@ def fit_block(sp: Array, pv: Array, op: Array, bands: Array) -> tuple[Array, NDA
     starts = np.zeros((len(SHAPES), len(bands)), dtype=np.int64)
     columns, counts = columns_of(sp, pv, op)
     sign = feedback_sign(sp - pv, op)
-    fit_bands(op, bands, columns, counts, float(op.mean()), float(op.std()), sign, table, starts)
+    _fit_bands(op, bands, columns, counts, float(op.mean()), float(op.std()), sign, table, starts)
     return table, starts

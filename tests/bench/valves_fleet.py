@@ -39,6 +39,8 @@ PROCESSES = ("flow", "level")
 BLOCK, BLOCKS = 1024, 4
 EVERY = (1, 5, 10)
 """Scans in a sample."""
+SLUGGISH_SHARE = 0.35
+"""Of the loops, whose gain is far too low, as that of many in a plant: OP takes long to pass a band."""
 SETTLING = 600
 """Samples before the first that is looked at."""
 
@@ -219,6 +221,10 @@ def _try(rng: np.random.Generator, kind: str, process: str) -> Case | None:
     loop = _plant(rng, process, every)
     if kind in {"brink", "integral"}:
         _spoilt(rng, loop, kind)
+    elif rng.random() < SLUGGISH_SHARE:
+        slower = _log(rng, 1.5, 10.0)
+        loop.kp /= slower
+        loop.ti *= slower if loop.integrating else _log(rng, 1.0, 3.0)
     band = _log(rng, 0.5, 5.0) if kind in STICKING else 0.0
     effect = _log(rng, 1.0, 30.0) if kind in STICKING else 0.0
     noise = band / effect if band else _log(rng, 0.05, 1.0)

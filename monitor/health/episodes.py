@@ -82,9 +82,12 @@ def episodes_of(error: Array, period: float, sp: Array | None = None) -> list[Ep
     n = len(error)
     if n < WINDOW_CYCLES * FINEST_AVERAGES or not np.isfinite(error).all():
         return None
-    sd = float(np.std(error))
     moves = np.zeros(n) if sp is None else np.asarray(sp, dtype=np.float64) - float(sp[0])
-    spans = [s for s in _joined(runs_of(error, moves)) if s[4] >= _least_score((s[1] - s[0]) / s[2])]
+    runs = runs_of(error, moves)
+    if not len(runs):
+        return []
+    sd = float(np.std(error))
+    spans = [s for s in _joined(runs) if s[4] >= _least_score((s[1] - s[0]) / s[2])]
     found = [
         Episode(int(a), int(b), p * period, amplitude, score, amplitude >= AMPLITUDE_SHARE * sd)
         for a, b, p, amplitude, score in _without_multiples(spans)
@@ -104,7 +107,7 @@ def _joined(runs: Array) -> list[Span]:
 def _span(rows: Array) -> Span:
     """Return what joined runs are together: the better a period fits, the more it counts."""
     score = rows[:, 4] / rows[:, 3]
-    weight = rows[:, 3] * (score - 0.5) ** 2
+    weight = rows[:, 3] * (score - 0.4) ** 2  # below every score
     weight /= weight.sum()
     period = math.exp(float(weight @ np.log(rows[:, 2] / rows[:, 3])))
     amplitude = float(weight @ (rows[:, 5] / rows[:, 3]))

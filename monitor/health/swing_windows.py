@@ -9,6 +9,7 @@ any window are differences of two rows of a table of running sums, so that a win
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +77,13 @@ def runs_of(error: Array, sp: Array) -> Array:
     if np.max(np.abs(x[0])) <= ROUNDING_SHARE * np.max(np.abs(error)):
         return np.empty((0, RUN_COLUMNS))
     out = np.empty((MOST_RUNS, RUN_COLUMNS))
-    return out[: _search(x, n, np.empty((4, n + 1)), np.empty((n + 1, LAGS)), out)]
+    return out[: _search(x, n, *_scratch(n), out)]
+
+
+@lru_cache(maxsize=4)
+def _scratch(n: int) -> tuple[Array, Array]:
+    """Return room for the tables: new pages each time would cost as much as the search; it holds the GIL."""
+    return np.empty((4, n + 1)), np.empty((n + 1, LAGS))
 
 
 @jit

@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 
 from monitor.health.episodes import MOST_SPANS, NS, Episode, Episodes, episodes_of, too_fast
 from tests.bench.swings_fleet import SHAPES, bursts, healthy, swing, wave
+from tests.monitor.health import plant_records
 from tests.monitor.health.cycles import Array, noise
 
 START = 1_700_000_000 * NS
@@ -188,3 +189,16 @@ def test_two_or_three_samples_a_cycle_are_too_fast_and_noise_is_not() -> None:
     assert not too_fast(np.zeros(400))
     assert not any(too_fast(np.diff(noise(401, seed))) for seed in range(30))
     assert not too_fast(np.sin(2 * np.pi * t / 6))
+
+
+@plant_records.needed
+def test_a_refinerys_records_are_read_as_the_engineer_reads_them() -> None:
+    """Whoever is no cycle is not called one; a valve's may be."""
+    for label, sp, pv, _, period in plant_records.records():
+        own = Episodes()
+        own.add(episodes_of(sp - pv, period, sp), START, len(pv), period)
+        if label == "oscillating":
+            assert own.oscillating
+            assert own.period == pytest.approx(152.0, rel=0.05)
+        elif label not in {"fast_cycle", "valve", "integral"}:
+            assert not own.oscillating, label

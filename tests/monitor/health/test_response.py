@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from monitor.health.response import AVERAGES, no_response_of
 from tests.bench.swings_fleet import LOADS, Array, healthy, shut
+from tests.monitor.health import plant_records
 from tests.monitor.health.cycles import noise
 
 
@@ -135,3 +136,10 @@ def test_scales_signs_and_offsets_do_not_matter(
         other.right_way,
     )
     assert other.error == pytest.approx(pv_sign * scale * one.error)
+
+
+@plant_records.needed
+def test_of_a_refinerys_records_those_without_an_answer_are_named_and_no_other() -> None:
+    for label, sp, pv, op, period in plant_records.records():
+        found = no_response_of(sp, pv, op, period)
+        assert (found is not None) == (label == "no_response"), label

@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 
 from monitor.health.tracking import tracking_of, tracking_verdict
 from tests.bench.swings_fleet import Array, moves
+from tests.monitor.health import plant_records
 from tests.monitor.health.cycles import noise
 
 NOISE = 0.05
@@ -136,3 +137,10 @@ def test_a_loop_behind_a_sticking_valve_or_one_that_crawls_does_not_track() -> N
     rng = np.random.default_rng(22)
     records = [moves(rng, kind) for kind in ("sticking", "crawling") for _ in range(15)]
     assert "tracks" not in [tracking_verdict(tracking_of(r.sp, r.pv, 1.0, r.noise)) for r in records]
+
+
+@plant_records.needed
+def test_of_a_refinerys_records_those_that_track_are_called_so_and_no_valve() -> None:
+    for label, sp, pv, _, period in plant_records.records():
+        verdict = tracking_verdict(tracking_of(sp, pv, period, plant_records.noise_of(pv)))
+        assert (verdict == "tracks") == (label == "tracking"), label

@@ -32,6 +32,8 @@ PHASE_SLACK = math.radians(12.0)
 EXPLAINED_SHARE = 0.5
 """Least share of each signal's variance, freed of a slope in each cycle, at the cycle's frequency: sine 1, square
 0.8, sawtooth 0.6."""
+MODEL_SHARE = 0.05
+"""Of the gain, added to its interval: a lag of a twentieth of the cycle takes that off, and no scatter shows it."""
 ROUNDING_SHARE = 1e-9
 """Of a signal: what is left of a constant."""
 T_95 = (12.7, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23)
@@ -56,11 +58,14 @@ class CycleGain:
     """Of an integrating process, signed [PV/(OP s)]."""
     gain_lo: float
     gain_hi: float
-    """95 % interval by the scatter from cycle to cycle, the nearer to zero first where it is positive."""
+    """95 % interval by the scatter from cycle to cycle, and what a lag may hide [PV/(OP s)]."""
     dead_time: float
     """By which PV is later than an integrator's quarter of a cycle, lags among it [s]; 0 where it is not later."""
     integrating: bool
-    """Whether the phase is that of an integrator and a dead time: PV late by a quarter to half a cycle, to one side."""
+    """Whether the phase may be that of an integrator and a dead time: PV late by a quarter to half a cycle.
+
+    It speaks against an integrator, never for one: behind a PI controller any process has that phase in a cycle.
+    """
 
 
 def cycle_gain(pv: Array, op: Array, period: float, cycle: Episode | None = None) -> CycleGain | None:
@@ -94,7 +99,8 @@ def cycle_gain(pv: Array, op: Array, period: float, cycle: Episode | None = None
     omega = 2.0 * math.pi / (length * period)
     phase = math.atan2(ratio.imag, ratio.real)
     later, sign = _integrators(phase)
-    gain, half = sign * abs(ratio) * omega, t * math.sqrt(rest / power) * omega
+    gain = sign * abs(ratio) * omega
+    half = math.hypot(t * math.sqrt(rest / power) * omega, MODEL_SHARE * gain)
     return CycleGain(
         period=length * period,
         cycles=len(y),

@@ -29,7 +29,7 @@ STRONGER_RATIO = 1.3
 AMPLITUDE_SHARE = 0.35
 """Of the error's standard deviation: amplitude from which on a span makes the error what it is (0.06 of its
 variance, if it lasts)."""
-TIME_SHARE = 0.3
+TIME_SHARE = 0.25
 """Of the judged time in such spans from which on a loop is called oscillating."""
 ALTERNATING_ACF, ALTERNATING_SAMPLES = -0.5, 200
 """Autocorrelation after one sample below which what swings is faster than the sampling: differences of white noise

@@ -13,7 +13,7 @@ from monitor.contract.records import GOOD, RETUNE
 from monitor.contract.text import duration
 from monitor.contract.times import iso
 from monitor.health.loop_health import Health
-from tuners.models import INTEGRATING, SELF_REGULATING, IntegratingModel, SelfRegulatingModel
+from tuners.models import INTEGRATING, IntegratingModel, SelfRegulatingModel
 
 from .parts import Tuning
 from .routine import LED_SP_SHARE
@@ -113,7 +113,7 @@ def slave(health: Health, _tuning: Tuning, loop: Loop) -> str:
 
 def at_limit(health: Health, _tuning: Tuning, loop: Loop) -> str:
     # where no limit is known, an output that rests at its own extreme may have arrived where it belongs
-    known = loop.op_low is not None or loop.op_high is not None
+    known = (loop.op_low is not None or loop.op_high is not None) and health.signs.two_valued is None
     share = _of(health.saturation) if known else 0.0
     return (
         f"OP is at its limit for {share:.0%} of the time: the loop has no room to control"
@@ -123,7 +123,7 @@ def at_limit(health: Health, _tuning: Tuning, loop: Loop) -> str:
 
 
 def touches_limit(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    share = _of(health.saturation)
+    share = _of(health.saturation) if health.signs.two_valued is None else 0.0
     return f"OP is at its limit for {share:.0%} of the time" if share > TOUCHES_LIMIT_SHARE else ""
 
 
@@ -148,7 +148,8 @@ def sticks(health: Health, _tuning: Tuning, loop: Loop) -> str:
         return (
             f"the valve sticks: OP travels {valve.band / span:.2g} {unit} after a reversal before PV answers"
         )
-    if _of(health.stiction) <= STICKS_INDEX or _of(health.sp_moving) > LED_SP_SHARE:
+    # a load that is no sine gives a cycle that shape, too: what OP does before PV answers has to speak for the valve
+    if valve is None or _of(health.stiction) <= STICKS_INDEX or _of(health.sp_moving) > LED_SP_SHARE:
         return ""
     return f"the valve sticks (index {_of(health.stiction):.2f}): {_cycle(health)}"
 
@@ -195,7 +196,12 @@ def trapped(health: Health, tuning: Tuning, loop: Loop) -> str:
     cycle, settings = health.signs.gain, settings_of(loop)
     if tuning.ms is not None or not oscillates(health, tuning, loop):
         return ""  # the events tell more
-    if cycle is None or not cycle.integrating or settings is None or loop.process == SELF_REGULATING:
+    if (
+        cycle is None
+        or not cycle.integrating
+        or settings is None
+        or INTEGRATING not in (loop.process, tuning.process)
+    ):
         return ""
     too_strong = integral_too_strong(loop, IntegratingModel(cycle.gain, cycle.dead_time))
     if not too_strong:
@@ -227,6 +233,8 @@ def silent(health: Health, tuning: Tuning, loop: Loop) -> str:
     if silent is None or silent.kind == "held" or offset_intended(loop):
         return ""
     if tuning.verdict in (GOOD, RETUNE):  # events have shown how PV answers
+        return ""
+    if loop.kp is not None and math.isinf(loop.ti):  # OP stands still where PV does
         return ""
     time = duration(health.signs.silent_time)
     way = f"OP went by {silent.op_way:+.3g} [OP] in {time}, and PV stayed {-silent.error:+.3g} [PV] from the set point"

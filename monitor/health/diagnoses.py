@@ -37,7 +37,7 @@ class Diagnoses:
     def look(self, row: int, until: int | None = None) -> Signs:
         """Look at a loop's blocks that end by ``until`` [ns], all by default; return what all show up to then.
 
-        Of a block that goes on, it is looked at what there is of it, which is not kept: it comes again when it is full.
+        Of a loop's first block it is looked at what there is of it, which is not kept: it comes again when it is full.
         """
         waiting, so_far = self.waiting.pop(row, []), None
         own = self._own.setdefault(row, Diagnosis()) if waiting else self._own.get(row)
@@ -50,7 +50,7 @@ class Diagnoses:
             so_far = block if block.so_far else None
             if so_far is None:
                 own.add(block)
-        if so_far is None or until is None:
+        if so_far is None or until is None or own.judged > 0.0:
             return own.signs()
         own = deepcopy(own)
         own.add(so_far)

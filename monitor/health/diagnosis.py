@@ -23,6 +23,11 @@ Array = NDArray[np.float64]
 
 MOST_MOVES = 16
 """Moves of the set point that are kept."""
+ALL_BLOCKS, EVERY_BLOCKS = 16, 4
+"""Blocks of samples of which each is looked at, and from then on every so many: a share of the time is known by them."""
+VALVE_BLOCKS, VALVE_RATIO = 8, 1.25
+"""Blocks in which each the valve is looked for, which costs ten times as much, and from then on one whenever there are
+so many times more."""
 HALVED_S = 14 * 86400.0
 """Judged time after which what is summed over it is halved: a loop is judged by its recent weeks [s]."""
 NS = 1_000_000_000
@@ -114,9 +119,17 @@ class Diagnosis:
     moves: tuple[Tracked, ...] = ()
     gain: CycleGain | None = None
     period: float | None = None
+    seen: list[int] = field(default_factory=lambda: [0, 0])
+    """Blocks so far, by level."""
+    next_valve: list[int] = field(default_factory=lambda: [0, 0])
+    """From which the valve is looked for, by level."""
 
     def add(self, block: Block) -> None:
-        """Take in the next block."""
+        """Take in the next block; of a loop that has been watched for long, only some are looked at."""
+        number = self.seen[block.level]
+        self.seen[block.level] = number + 1
+        if block.level == 0 and number >= ALL_BLOCKS and number % EVERY_BLOCKS:
+            return
         n, error = len(block.pv), block.sp - block.pv
         found = episodes_of(error, block.period, block.sp)
         self.episodes[block.level].add(found, block.start, n, block.period)
@@ -124,9 +137,9 @@ class Diagnosis:
         if strong is not None:
             self.gain = cycle_gain(block.pv, block.op, block.period, strong) or self.gain
         self._listen(block)
-        seen, before = valve_evidence(block.sp, block.pv, block.op), self.evidence[block.level]
-        if seen is not None:
-            self.evidence[block.level] = seen if before is None else merged(before, seen)
+        if number >= self.next_valve[block.level]:
+            self._look_for_valve(block)
+            self.next_valve[block.level] = 0 if number < VALVE_BLOCKS else int(VALVE_RATIO * number) + 1
         if block.level == 0:
             self.fast += n * block.period if too_fast(error) else 0.0
             still = float(np.ptp(block.pv)) == 0.0 < max(float(np.ptp(block.sp)), float(np.ptp(block.op)))
@@ -138,6 +151,12 @@ class Diagnosis:
             self.moves = (*self.moves, *moves)[-MOST_MOVES:]
             if self.judged > HALVED_S:
                 self._halve()
+
+    def _look_for_valve(self, block: Block) -> None:
+        """Add what a block says of the valve."""
+        seen, before = valve_evidence(block.sp, block.pv, block.op), self.evidence[block.level]
+        if seen is not None:
+            self.evidence[block.level] = seen if before is None else merged(before, seen)
 
     def _listen(self, block: Block) -> None:
         """Keep a stretch in which PV does not answer; a later block in which it does takes it back."""

@@ -263,7 +263,8 @@ def _prepare(columns, count, first, low):
 def _try_start(op, w, shape, start, level, fits, work):
     """Fit one path at one level: fill the last of `work`; return whether enough of it is known.
 
-    `fits`: columns, averages used, factors, whether these are known, and mean and scale of OP, sign of feedback;
+    `fits`: columns, averages used, factors, whether these are known, and `scales`: mean and scale of OP, sign of
+    feedback, range within which play is known early;
     `work`: the path, its averages, its columns, the fit.
     """
     columns, counts, lows, known, scales = fits
@@ -295,7 +296,7 @@ def _fit_bands(op, bands, columns, counts, scales, table, starts):
     work = np.empty(n), np.empty(n), np.empty((PATH, n)), np.empty(table.shape[3])
     for shape in range(table.shape[1]):
         for b in range(len(bands)):
-            chosen = False
+            chosen = shape == 0 and bands[b] <= scales[3]  # the path is then the same whatever its start
             for level in range(levels):
                 if counts[level] == 0:
                     continue
@@ -370,8 +371,9 @@ def fit_block(sp: Array, pv: Array, op: Array, bands: Array) -> tuple[Array, NDA
     """
     table = np.zeros((len(AVERAGED_SAMPLES), len(SHAPES), len(bands), len(FIELDS)))
     table[..., 0] = NOT_FITTED
-    starts = np.zeros((len(SHAPES), len(bands)), dtype=np.int64)
+    starts = np.ones((len(SHAPES), len(bands)), dtype=np.int64)  # at OP
     columns, counts = columns_of(sp, pv, op)
-    scales = np.array([op.mean(), op.std(), feedback_sign(sp - pv, op)])
+    early = np.ptp(op[: int(KNOWN_SHARE * len(op)) + 1])
+    scales = np.array([op.mean(), op.std(), feedback_sign(sp - pv, op), early])
     _fit_bands(op, bands, columns, counts, scales, table, starts)
     return table, starts

@@ -22,7 +22,7 @@ import pandas as pd
 from monitor.health.valve import Valve, ValveEvidence, merged, valve_evidence, valve_found
 from tests.bench.valves_fleet import BLOCK, BLOCKS, KINDS, PROCESSES, SOUND, STICKING, Case, draw
 
-SEED = 20_261_128
+SEED = 20_261_129
 """Held out: named here and nowhere else."""
 SEEN_SD, SEEN_TURNS = 3.0, 8
 """A band's effect in standard deviations of noise, and turns of its valve, from which on it should be found."""

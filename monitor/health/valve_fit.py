@@ -202,10 +202,10 @@ def _compare(low, cross, own, n, sign, out):
     sign
         1 where OP raises PV, else -1.
     out
-        Filled: LR, N ln of what the linear model leaves over what the element leaves; LEAN, the same of an
-        element with three columns; MISS, N ln of what the element leaves over what both together leave; LIN, of the model without OP over
-        that with three past OP; the element's static gain [std of PV over std of OP], in feedback's direction; sum
-        of its b over that of the linear model.
+        Filled: LR, N ln of what the linear model leaves over what the element leaves; LEAN, the same of an element
+        with three columns; MISS, N ln of what the element leaves over what both together leave; LIN, of the model
+        without OP over that with three past OP; the element's static gain [std of PV over std of OP], in feedback's
+        direction; sum of its b over that of the linear model.
     """
     z, path, linear_n = cross, len(own), len(low) - 1
     for i in range(path):
@@ -251,49 +251,66 @@ def _fit_path(columns, n, first, past, low, sign, out):
 
 
 @jit
-def _fit_bands(op, bands, columns, counts, u_mean, u_scale, sign, table, starts):
+def _prepare(columns, count, first, low):
+    """Fill `low` with the factor of the linear model's products, from an average on."""
+    for i in range(len(low)):
+        for j in range(i + 1):
+            low[i, j] = _dot(columns[i, first:count], columns[j, first:count])
+    _factor(low)
+
+
+@jit
+def _try_start(op, w, shape, start, level, fits, work):
+    """Fit one path at one level: fill the last of `work`; return whether enough of it is known.
+
+    `fits`: columns, averages used, factors, whether these are known, and `scales`: mean and scale of OP, sign of
+    feedback, range within which play is known early;
+    `work`: the path, its averages, its columns, the fit.
+    """
+    columns, counts, lows, known, scales = fits
+    v, u, past, one = work
+    m, count = AVERAGED_SAMPLES[level], counts[level]
+    at = path_of(op, w, shape, start, v)
+    chunk = (at // m * CHUNKS + count - 1) // count
+    if chunk > CHUNKS // 2:
+        return False
+    first = (chunk * count + CHUNKS - 1) // CHUNKS
+    if known[level, chunk] == 0.0:
+        known[level, chunk] = 1.0
+        _prepare(columns[level], count, first, lows[level, chunk])
+    _averages(v, m, scales[0], scales[1], u)
+    _past_of(u, len(op) // m, OP_LAGS, OP_LOW_PASSES, past)
+    _fit_path(columns[level], count, first, past, lows[level, chunk], scales[2], one)
+    return True
+
+
+@jit
+def _fit_bands(op, bands, columns, counts, scales, table, starts):
     """Fit both shapes at all bands and levels: fill `table` (levels, shapes, bands, FIELDS), `starts` (shapes, bands).
 
     `columns`: (levels, LINEAR + 1, samples), of which `counts` averages are used; LR stays where nothing is fitted.
+    At the first level that the block is long enough for each start is tried, at the others the best of them.
     """
     n, levels, linear = len(op), len(counts), columns.shape[1]
-    lows, known = np.zeros((levels, CHUNKS, linear, linear)), np.zeros((levels, CHUNKS))
-    v, u, past, one = np.empty(n), np.empty(n), np.empty((PATH, n)), np.empty(table.shape[3])
+    fits = columns, counts, np.zeros((levels, CHUNKS, linear, linear)), np.zeros((levels, CHUNKS)), scales
+    work = np.empty(n), np.empty(n), np.empty((PATH, n)), np.empty(table.shape[3])
     for shape in range(table.shape[1]):
         for b in range(len(bands)):
-            since = n
+            chosen = shape == 0 and bands[b] <= scales[3]  # the path is then the same whatever its start
             for level in range(levels):
-                count, m = counts[level], AVERAGED_SAMPLES[level]
-                if count == 0:
+                if counts[level] == 0:
                     continue
+                out = table[level, shape, b]
                 for k in range(3):
-                    if since < n and k != starts[shape, b]:
+                    if chosen and k != starts[shape, b]:
                         continue
-                    at = path_of(op, bands[b], shape, k - 1, v)
-                    chunk = (at // m * CHUNKS + count - 1) // count
-                    if chunk > CHUNKS // 2:
-                        continue
-                    first = (chunk * count + CHUNKS - 1) // CHUNKS
-                    low = lows[level, chunk]
-                    if known[level, chunk] == 0.0:
-                        known[level, chunk] = 1.0
-                        for i in range(linear):
-                            for j in range(i + 1):
-                                low[i, j] = _dot(
-                                    columns[level, i, first:count], columns[level, j, first:count]
-                                )
-                        _factor(low)
-                    _averages(v, m, u_mean, u_scale, u)
-                    _past_of(u, n // m, OP_LAGS, OP_LOW_PASSES, past)
-                    _fit_path(columns[level], count, first, past, low, sign, one)
-                    if one[0] > table[level, shape, b, 0]:
-                        for i in range(len(one)):
-                            table[level, shape, b, i] = one[i]
+                    if _try_start(op, bands[b], shape, k - 1, level, fits, work) and work[3][0] > out[0]:
+                        for i in range(len(out)):
+                            out[i] = work[3][i]
                         starts[shape, b] = k
-                if since == n and table[level, shape, b, 0] > NOT_FITTED:
-                    since = 0
-                elif since == n:
+                if out[0] == NOT_FITTED:
                     break
+                chosen = True
 
 
 def columns_of(sp: Array, pv: Array, op: Array) -> tuple[Array, NDArray[np.int64]]:
@@ -354,8 +371,9 @@ def fit_block(sp: Array, pv: Array, op: Array, bands: Array) -> tuple[Array, NDA
     """
     table = np.zeros((len(AVERAGED_SAMPLES), len(SHAPES), len(bands), len(FIELDS)))
     table[..., 0] = NOT_FITTED
-    starts = np.zeros((len(SHAPES), len(bands)), dtype=np.int64)
+    starts = np.ones((len(SHAPES), len(bands)), dtype=np.int64)  # at OP
     columns, counts = columns_of(sp, pv, op)
-    sign = feedback_sign(sp - pv, op)
-    _fit_bands(op, bands, columns, counts, float(op.mean()), float(op.std()), sign, table, starts)
+    early = np.ptp(op[: int(KNOWN_SHARE * len(op)) + 1])
+    scales = np.array([op.mean(), op.std(), feedback_sign(sp - pv, op), early])
+    _fit_bands(op, bands, columns, counts, scales, table, starts)
     return table, starts

@@ -1,14 +1,15 @@
 """Loops with and without a valve that sticks or has play, whose truth is known: PI loops at scans of 1 s.
 
-One draw is one loop, of 4 blocks of 1024 samples, taken every 1, 5 or 10 s. All draws of sizes are logarithmic. Process
-gains are 1 PV/OP, or 1 PV/OP within the closed loop's time where the process integrates. What the valve's element does to
-PV is counted in standard deviations of PV's noise: `effect` = gain * band / noise.
+One draw is one loop, of 4 blocks of 1024 samples, taken every 1, 5 or 10 s. All draws of sizes are logarithmic.
+Process gains are 1 PV/OP, or 1 PV/OP within a closed loop's time where the process integrates. A third of the loops is
+far too slow. What the valve's element does to PV is counted in standard deviations of its noise: `effect` = gain *
+band / noise.
 
-Loops without an element (what they have beside noise): *healthy* (wandering load, in two of three steps of set point and
-load), *brink* (gain near the limit of stability), *integral* (integral time 3 to 8 times too short), *sine*, *square*,
-*triangle* (load of that shape), *drift* (ramps of load), *walk* (a large wandering load), *setpoint* (steps),
-*quantised* (PV, or OP, in coarse steps). With one: *play* (backlash), *slip* (play from which the valve jumps), *stick* (jumps the
-whole way).
+Loops without an element (what they have beside noise): *healthy* (wandering load, in two of three steps of set point
+and load), *brink* (gain near the limit of stability), *integral* (integral time 3 to 8 times too short), *sine*,
+*square*, *triangle* (load of that shape), *drift* (ramps of load), *walk* (a large wandering load), *setpoint*
+(steps), *quantised* (PV, or OP, in coarse steps). With one: *play* (backlash), *slip* (play from which the valve
+jumps), *stick* (jumps the whole way).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 SOUND = (
@@ -78,7 +80,10 @@ class _Loop:
 
 @numba.njit(cache=True)
 def simulate(plant, pi, valve, signals, every):
-    """Run a PI loop: plant (integrating, gain, lag, delay), valve (kind, band, jump), signals (4, N): SP, load, noise of PV, 0."""
+    """Run a PI loop; return SP, PV, OP and the valve.
+
+    Plant: integrating, gain, lag, delay; law: kp, ti, steps of OP; valve: kind, band, jump; signals: SP, load, noise.
+    """
     integrating, gain, lag, delay = plant[0] > 0.5, plant[1], plant[2], int(plant[3])
     kp, ki, op_quantum = pi[0], pi[0] / pi[1], pi[2]
     kind, band, jump = int(valve[0]), valve[1], valve[2]
@@ -195,8 +200,6 @@ def _moves(rng: np.random.Generator, n: int, count: int, size: float) -> Array:
 
 def _wander(rng: np.random.Generator, n: int, time: float) -> Array:
     """Load that walks and comes back within a time, of standard deviation 1."""
-    from scipy.signal import lfilter
-
     a = np.exp(-1 / time)
     return np.asarray(lfilter([np.sqrt(1 - a * a)], [1, -a], rng.normal(size=n)))
 
@@ -213,6 +216,18 @@ def _wave(rng: np.random.Generator, n: int, kind: str, period: float) -> Array:
     if kind == "square":
         return np.where(phase < 0.5, 1.0, -1.0)
     return 2 * np.abs(2 * phase - 1) - 1
+
+
+def _upset(rng: np.random.Generator, n: int, kind: str, time: float) -> Array:
+    """A load of the kind's own."""
+    if kind in {"sine", "square", "triangle"}:
+        return _log(rng, 2.0, 30.0) * _wave(rng, n, kind, _log(rng, 4.0, 100.0) * time)
+    if kind == "drift":
+        turns = np.sort(rng.integers(0, n, int(rng.integers(2, 30))))
+        return _log(rng, 3.0, 50.0) * np.interp(np.arange(n), turns, rng.uniform(-1, 1, len(turns)))
+    if kind == "walk":
+        return _log(rng, 3.0, 50.0) * _wander(rng, n, n / _log(rng, 1.0, 20.0))
+    return np.zeros(n)
 
 
 def _try(rng: np.random.Generator, kind: str, process: str) -> Case | None:
@@ -237,15 +252,7 @@ def _try(rng: np.random.Generator, kind: str, process: str) -> Case | None:
         sp += _moves(rng, n, int(rng.integers(2, 20)), unit * _log(rng, 3.0, 40.0))
     if rng.random() < (0.0 if band and wide < 0.1 else {"healthy": 0.5}.get(kind, 0.2)):
         load += _moves(rng, n, int(rng.integers(2, 20)), unit * _log(rng, 3.0, 30.0))
-    if kind in {"sine", "square", "triangle"}:
-        load += (
-            unit * _log(rng, 2.0, 30.0) * _wave(rng, n, kind, _log(rng, 4.0, 100.0) * max(loop.time, every))
-        )
-    if kind == "drift":
-        turns = np.sort(rng.integers(0, n, int(rng.integers(2, 30))))
-        load += unit * _log(rng, 3.0, 50.0) * np.interp(np.arange(n), turns, rng.uniform(-1, 1, len(turns)))
-    if kind == "walk":
-        load += unit * _log(rng, 3.0, 50.0) * _wander(rng, n, n / _log(rng, 1.0, 20.0))
+    load += unit * _upset(rng, n, kind, max(loop.time, every))
     measured = rng.normal(size=n)
     if rng.random() < 0.3:
         measured = _wander(rng, n, every * _log(rng, 1.0, 5.0))

@@ -8,7 +8,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from monitor.health.valve import MOST_BANDS, ValveEvidence, merged, valve_evidence, valve_found
+from monitor.health.valve import (
+    GRID_FACTOR,
+    MOST_BANDS,
+    ValveEvidence,
+    figures_of,
+    merged,
+    valve_evidence,
+    valve_found,
+)
 from tests.bench.valves_fleet import SETTLING, simulate
 from tests.support.places import SHARED
 
@@ -48,13 +56,23 @@ def strength(rows: np.ndarray) -> float:
 
 @pytest.mark.parametrize("kind", [PLAY, STICK])
 @pytest.mark.parametrize("integrating", [False, True])
-def test_a_valve_is_named_with_its_band(kind: float, integrating: bool) -> None:
+def test_what_explains_most_is_near_the_valves_band(kind: float, integrating: bool) -> None:
     found = evidence(loop(kind, integrating))
+    assert found is not None
+    lr = figures_of(found)["lr"]
+    assert lr.max() > 30.0
+    band = GRID_FACTOR ** (found.first + int(np.argmax(lr.max(axis=(0, 1)))))
+    assert 0.6 < band / 2.0 < 1.4
+
+
+@pytest.mark.parametrize(("kind", "integrating"), [(STICK, False), (STICK, True), (PLAY, True)])
+def test_a_valve_is_named(kind: float, integrating: bool) -> None:
+    found = evidence(loop(kind, integrating, 2))
     assert found is not None
     valve = valve_found(found)
     assert valve is not None
     assert valve.strength > 0.5
-    assert 0.5 < valve.band / 2.0 < 1.5
+    assert 0.6 < valve.band / 2.0 < 1.4
 
 
 @pytest.mark.parametrize("integrating", [False, True])

@@ -8,6 +8,7 @@ The limits are our own.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Literal
 
@@ -50,6 +51,9 @@ OVERSHOOT_SHARE, LATE_SHARE = 0.15, 0.1
 """Of the move: more overshoot than that is ringing; more than that left at its end is crawling."""
 SURE_SD = 25.0
 """Size of a single move over the noise, at which it need not be confirmed by a second."""
+
+MOST_SHARE = 0.75
+"""Of the moves that can be judged, that must say the same: one in four may meet a load."""
 
 Verdict = Literal["tracks", "rings", "crawls"]
 
@@ -127,11 +131,14 @@ def tracking_verdict(moves: list[Tracked]) -> Verdict | None:
     moves : list of Tracked
         Of one record, or of several.
     """
-    # a move that is large enough, and over, and yet nothing of the three, speaks against all
+    # a move that is large enough, and over, and yet nothing of the three, has met a load, or speaks against all
     said = [m for m in moves if m.clear >= CLEAR_SD and m.late is not None]
-    if not said or any(m.verdict != said[0].verdict for m in said):
+    if not said:
         return None
-    return said[0].verdict if len(said) > 1 or said[0].clear >= SURE_SD else None
+    most, n = Counter(m.verdict for m in said).most_common(1)[0]
+    if most is None or n < MOST_SHARE * len(said):
+        return None
+    return most if n > 1 or said[0].clear >= SURE_SD else None
 
 
 class _Move:

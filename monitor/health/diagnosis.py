@@ -17,14 +17,14 @@ from .episodes import Episodes, LoopSpan, episodes_of, too_fast
 from .response import NoResponse, no_response_of
 from .tracking import Tracked, tracking_of, tracking_verdict
 from .two_valued import two_valued
-from .valve import Valve, ValveEvidence, merged, valve_evidence, valve_found
+from .valve import Valve, ValveEvidence, halved, merged, valve_evidence, valve_found
 
 Array = NDArray[np.float64]
 
 MOST_MOVES = 16
 """Moves of the set point that are kept."""
 ALL_BLOCKS, EVERY_BLOCKS = 16, 4
-"""Blocks of samples of which each is looked at, and from then on every so many: a share of the time is known by them."""
+"""Blocks of samples of which each is looked at, and from then on every so many: shares of the time need no more."""
 VALVE_BLOCKS, VALVE_RATIO = 8, 1.25
 """Blocks in which each the valve is looked for, which costs ten times as much, and from then on one whenever there are
 so many times more."""
@@ -178,6 +178,7 @@ class Diagnosis:
         self.fast *= 0.5
         self.rested *= 0.5
         self.two *= 0.5
+        self.evidence = [None if e is None else halved(e) for e in self.evidence]
         for episodes in self.episodes:
             episodes.decay()
 

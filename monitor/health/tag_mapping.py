@@ -117,10 +117,7 @@ def update(own, last, sp, pv, op):
             own.left += own.step * (e - own.e_from)
             own.step_squares += own.step * own.step
             own.steps += 1.0
-    if own.unit_wait > 0:
-        own.unit_wait -= 1
-        if own.unit_wait == 0 and _as_usual(own, op - own.unit_op):
-            own.rescaled += 1.0
+    _follow_unit(own, last, sp, pv, op)
     own.rested += 1
     if sp != last.sp:
         own.sp_moves += 1.0
@@ -129,8 +126,17 @@ def update(own, last, sp, pv, op):
             own.step, own.e_from, own.wait = sp - last.sp, before, ANSWER_SAMPLES
             own.sp_to = sp
         own.rested = 0
-        if own.unit_wait == 0 and pv != last.pv and _rescaled(own, last, sp, pv, o):
-            own.unit_wait, own.unit_op = UNIT_SAMPLES, last.op
+
+
+@jit
+def _follow_unit(own, last, sp, pv, op):
+    """Count a jump of SP and PV as if their unit had changed, once OP has been seen to take no notice."""
+    if own.unit_wait > 0:
+        own.unit_wait -= 1
+        if own.unit_wait == 0 and _as_usual(own, op - own.unit_op):
+            own.rescaled += 1.0
+    elif sp != last.sp and pv != last.pv and _rescaled(own, last, sp, pv, op - last.op):
+        own.unit_wait, own.unit_op = UNIT_SAMPLES, last.op
 
 
 @jit

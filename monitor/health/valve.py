@@ -74,7 +74,7 @@ SPEAKING_LR = 3.0
 """From which on a block counts among those that speak for a band."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class ValveEvidence:
     """What blocks of one loop say about each shape and band, at each level of averaging: sums, to be added."""
 
@@ -184,6 +184,16 @@ def merged(one: ValveEvidence, other: ValveEvidence) -> ValveEvidence:
         at = int(np.argmax(mass))
         first, fits, rests = first + at, fits[:, :, at : at + MOST_BANDS], rests[:, at : at + MOST_BANDS]
     return ValveEvidence(first, one.blocks + other.blocks, fits, rests)
+
+
+def halved(evidence: ValveEvidence) -> ValveEvidence:
+    """Return evidence that counts half, for what is old."""
+    return ValveEvidence(
+        evidence.first,
+        max(evidence.blocks // 2, 1),
+        np.float32(0.5) * evidence.fits,
+        np.float32(0.5) * evidence.rests,
+    )
 
 
 def figures_of(evidence: ValveEvidence) -> dict[str, NDArray[np.float64]]:

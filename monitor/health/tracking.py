@@ -47,8 +47,9 @@ SMOOTHED_SAMPLES = 3
 """In the mean that overshoot is read from."""
 OVERSHOOT_SD = 1.5
 """Of PV's noise, that does not count as overshoot: the highest of some fifty such means."""
-OVERSHOOT_SHARE, LATE_SHARE = 0.15, 0.1
-"""Of the move: more overshoot than that is ringing; more than that left at its end is crawling."""
+OVERSHOOT_SHARE, RINGING_SHARE, LATE_SHARE = 0.15, 0.4, 0.1
+"""Of the move: more overshoot than the first is no tracking, than the second is ringing (a well tuned PI on an
+integrating process overshoots by 20 to 30 %); more than the last left at its end is crawling."""
 SURE_SD = 25.0
 """Size of a single move over the noise, at which it need not be confirmed by a second."""
 
@@ -164,8 +165,10 @@ class _Move:
         verdict: Verdict | None = None
         if clear < CLEAR_SD or late is None:
             verdict = None
-        elif over > OVERSHOOT_SHARE:
+        elif over > RINGING_SHARE:
             verdict = "rings"
+        elif over > OVERSHOOT_SHARE:
+            verdict = None
         elif late > LATE_SHARE:
             verdict = "crawls"
         elif fit >= LEAST_FIT and late >= -LATE_SHARE and delay + lag <= QUICK_SAMPLES:

@@ -84,6 +84,16 @@ MEANINGS: dict[str, Meaning] = {
         "Size of the longest episode.",
         "Of loops with one period look first where it is largest against the noise.",
     ),
+    "oscillation_start": Meaning(
+        "s since 1970",
+        "When the first episode that is kept began.",
+        "What ran then, and not before?",
+    ),
+    "oscillation_end": Meaning(
+        "s since 1970",
+        "When the last episode ended.",
+        "What has stopped then?",
+    ),
     "dead_band": Meaning(
         "% of OP's span, or OP",
         "What OP travels after a reversal before the valve moves.",

@@ -80,12 +80,12 @@ RUNNING: list[Any] = [
     ("e_mean", "f8"),  # [PV] of the mean before
     ("op_mean", "f8"),  # [OP]
     ("has_mean", "f8"),  # 1 if there is one
-    ("rested", "i8"),  # samples since SP moved
+    ("rested", "i4"),  # samples since SP moved
     ("wait", "i8"),  # samples until the answer to a move of SP is looked at
     ("step", "f8"),  # [PV] that move
     ("e_from", "f8"),  # [PV] error before it
     ("sp_to", "f8"),  # [PV] where it went
-    ("unit_wait", "i8"),  # samples until OP is looked at after a jump as of another unit
+    ("unit_wait", "i4"),  # samples until OP is looked at after a jump as of another unit
     ("unit_op", "f8"),  # [OP] where it was before
 ]
 KEPT: list[Any] = [

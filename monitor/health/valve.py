@@ -59,13 +59,13 @@ ALTERNATIVES: tuple[dict[str, tuple[float, float]], ...] = (
     {
         "lr": (34.5, ANY), "missing": (-ANY, 0.34), "linear": (-ANY, 0.3), "gain": (0.64, ANY), "idle": (1.75, 2.77),
         "share": (0.23, ANY), "quiet": (-ANY, -0.8), "travel": (1.0, ANY), "reach": (-ANY, -0.4), "sharp": (0.65, ANY),
-        "agreeing": (0.6, ANY),
+        "agreeing": (0.6, ANY), "per_block": (15.0, ANY),
     },
     # so much speaks for it, and so little is left to OP, that it may follow at any speed
     {
         "lr": (80.0, ANY), "lean": (20.0, ANY), "missing": (-ANY, 0.25), "linear": (-ANY, 0.25), "gain": (0.1, ANY),
         "idle": (1.4, 2.77), "quiet": (-ANY, -1.05), "reach": (-ANY, -0.36), "sharp": (0.55, ANY),
-        "agreeing": (0.6, ANY),
+        "agreeing": (0.6, ANY), "per_block": (15.0, ANY),
     },
 )  # fmt: skip
 """What names a valve, each by itself: least and most of `figures_of`. Found on simulated loops (valves_fleet.py)
@@ -200,12 +200,12 @@ def halved(evidence: ValveEvidence) -> ValveEvidence:
 def figures_of(evidence: ValveEvidence) -> dict[str, NDArray[np.float64]]:
     """Return what evidence says of each level, shape and band: by name, arrays (levels, shapes, bands).
 
-    lr, lean: sums over blocks, of equally many parameters, and of three in the element. speaking: share of blocks
-    that speak for the band. agreeing: share of lr that no block contradicts. missing: what OP still explains beside
-    the element, as a share. linear: what OP explains at all, over lr. gain, ratio: logarithms, of the element's
-    static gain over what PV's range asks for, and over the linear model's. sharp: how much of lr is gone three and
-    four bands away. other_level: lr at the second best level, as a share. idle, share, quiet, travel, straight,
-    reach: see `REST_SUMS`.
+    lr, lean: sums over blocks, of equally many parameters, and of three in the element. per_block: mean of lr.
+    speaking: share of blocks that speak for the band. agreeing: share of lr that no block contradicts. missing: what
+    OP still explains beside the element, as a share. linear: what OP explains at all, over lr. gain, ratio:
+    logarithms, of the element's static gain over what PV's range asks for, and over the linear model's. sharp: how
+    much of lr is gone three and four bands away. other_level: lr at the second best level, as a share. idle, share,
+    quiet, travel, straight, reach: see `REST_SUMS`.
     """
     sums = dict(zip(SUMS, np.moveaxis(evidence.fits.astype(np.float64), -1, 0), strict=True))
     rests = dict(zip(REST_SUMS, np.moveaxis(evidence.rests.astype(np.float64), -1, 0), strict=True))
@@ -217,6 +217,7 @@ def figures_of(evidence: ValveEvidence) -> dict[str, NDArray[np.float64]]:
         "samples": np.broadcast_to(np.array(AVERAGED_SAMPLES, dtype=np.float64)[:, None, None], lr.shape),
         "lr": lr,
         "lean": sums["lean"],
+        "per_block": lr / evidence.blocks,
         "speaking": sums["blocks"] / evidence.blocks,
         "agreeing": lr / np.maximum(weight, 1.0),
         "missing": sums["miss"] / np.maximum(weight + sums["miss"], 1.0),

@@ -147,6 +147,8 @@ def sticks(health: Health, _tuning: Tuning, loop: Loop) -> str:
     valve = health.signs.valve
     if health.signs.two_valued is not None:
         return ""
+    if health.dead_band is not None or _of(health.compression) > COMPRESSED_SHARE:
+        valve = None  # PV rests where the archive lets it rest
     if valve is not None and valve.strength > STICKS_INDEX:
         span, unit = (loop.op_span / 100.0, "%") if loop.op_span else (1.0, "[OP]")
         return (

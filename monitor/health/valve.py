@@ -101,6 +101,8 @@ class Valve:
     """0 to 1: above 0.5 it is named."""
     samples_averaged: int
     """Samples in the averages at which it is seen best."""
+    range_share: float = 0.0
+    """The band over OP's range in the blocks."""
 
 
 def valve_evidence(
@@ -263,4 +265,5 @@ def valve_found(evidence: ValveEvidence) -> Valve | None:
         SHAPES[shape],
         float(strength[at]),
         AVERAGED_SAMPLES[level],
+        math.exp(float(figures["reach"][at])),
     )

@@ -32,6 +32,8 @@ STICKS_INDEX = 0.5
 """Stiction index from which the valve is named."""
 SLAVE_SP_SHARE = 0.5
 """Share of samples at which the set point moves, from which the loop is a cascade's slave or follows a programme."""
+LARGE_BAND_SHARE = 0.5
+"""Of OP's range, from which a band is the valve's even in data that a historian has compressed."""
 ALWAYS_SHARE, MOST_SPANS = 0.9, 3
 """Share of the judged time from which a loop oscillates all the time; and episodes that are named, the newest."""
 SAME_PERIOD_RATIO = 2.0
@@ -147,8 +149,11 @@ def sticks(health: Health, _tuning: Tuning, loop: Loop) -> str:
     valve = health.signs.valve
     if health.signs.two_valued is not None:
         return ""
-    if health.dead_band is not None or _of(health.compression) > COMPRESSED_SHARE:
-        valve = None  # PV rests where the archive lets it rest
+    compressed = _of(health.compression) > COMPRESSED_SHARE
+    if health.dead_band is not None or (
+        compressed and (valve is None or valve.range_share < LARGE_BAND_SHARE)
+    ):
+        valve = None  # PV rests where the archive lets it rest, which is for less than most of OP's range
     if valve is not None and valve.strength > STICKS_INDEX:
         span, unit = (loop.op_span / 100.0, "%") if loop.op_span else (1.0, "[OP]")
         return (

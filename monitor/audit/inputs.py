@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from monitor.adapters.historian.layout import LONG
+from monitor.adapters.historian.mapping import NO_MAPPING, Mapping
 from monitor.adapters.historian.reader import FORMATS, inspect, scan
+from monitor.adapters.historian.reading import settled
 from monitor.adapters.historian.rows import UnusableError
 from monitor.adapters.historian.source import Source
 from monitor.adapters.loop_table import read_loop_table
@@ -40,7 +42,11 @@ class Inputs:
 
 
 def find(
-    paths: Sequence[str | Path], loops_file: str | Path | None, out: Path, time_unit: str | None = None
+    paths: Sequence[str | Path],
+    loops_file: str | Path | None,
+    out: Path,
+    time_unit: str | None = None,
+    given: Mapping = NO_MAPPING,
 ) -> Inputs:
     """Look at the loop table and all files; what cannot be used is noted.
 
@@ -50,6 +56,8 @@ def find(
         Folder of the results, which are no input.
     time_unit
         Unit of numeric times, where the user names it.
+    given
+        What the user says of the files.
     """
     inputs = Inputs(None if loops_file is None else Path(loops_file))
     if inputs.loops_file is not None:
@@ -64,9 +72,10 @@ def find(
     found = expand(paths, inputs.problems, leave=(inputs.loops_file, out))
     for path, name in found.items():
         try:
-            inputs.sources.append(inspect(path, name, inputs.loops.by_name, time_unit))
+            inputs.sources.append(inspect(path, name, inputs.loops.by_name, time_unit, given))
         except UnusableError as error:
             inputs.leave(error)
+    inputs.sources = settled(inputs.sources)
     if inputs.loops_file is None:
         _take_all_loops(inputs)
     return inputs
@@ -109,7 +118,7 @@ def expand(
         files = [p.resolve() for p in files]
         if not files:
             problems.append(
-                f"{given}: no such file, and no Parquet or CSV file in a folder or glob of that name"
+                f"{given}: no such file, and no Parquet, CSV or xlsx file in a folder or glob of that name"
             )
         found.update(p for p in files if not ({p, *p.parents} & left))
     if not found:

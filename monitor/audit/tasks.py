@@ -64,11 +64,19 @@ class Task:
         zone = None if self.span.zone is None else self.span.zone.key
         facts = [
             version,
-            [[str(s.path), s.name, s.size, s.mtime_ns, repr(s.clock)] for s in self.sources],
+            [[str(s.path), s.name, s.size, s.mtime_ns, repr(s.clock), *_read_as(s)] for s in self.sources],
             [msgspec.to_builtins(loop) for loop in self.loops],
             [self.span.since, self.span.until, zone],
         ]
         return hashlib.blake2b(msgspec.msgpack.encode(facts), digest_size=16).hexdigest()
+
+
+def _read_as(source: Source) -> list[str]:
+    """Say how a recognised file is read, in full: another mapping of the same file is another task."""
+    if not source.recognised:
+        return []
+    how = replace(source, path=Path(), name="")
+    return [repr(how)]
 
 
 _counter: Any = None
@@ -189,7 +197,7 @@ def _task(
     for name in names:
         for source, found in where.get(name, {}).items():
             groups.setdefault(source, set()).update(found)
-    used = [s for s in sources if s.name in groups or (s.layout.kind == LONG and s.format == "csv")]
+    used = [s for s in sources if s.name in groups or (s.layout.kind == LONG and s.format != "parquet")]
     pruned = {s.name: sorted(groups[s.name]) for s in used if s.layout.kind == LONG and s.format == "parquet"}
     # a task needs to know its own columns only: a wide file of a whole fleet has tens of thousands
     return Task(tuple(loops), tuple(_narrow(s, names) for s in used), span, pruned)

@@ -7,7 +7,7 @@ cast; pandas reads what is not.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -79,7 +79,9 @@ def _numbers_among_text(array: Any, tally: Tally, comma: bool) -> NDArray[np.flo
     import pandas as pd  # noqa: PLC0415 (half a second; only for what a plain cast refuses)
 
     text = array.to_pandas().str.strip()
-    pointed = text.str.replace(",", ".", regex=False) if comma else text
+    pointed = text
+    if comma:  # a point before a comma groups thousands: 1.234,5
+        pointed = text.str.replace(r"\.(?=.*,)", "", regex=True).str.replace(",", ".", regex=False)
     values = pd.to_numeric(pointed, errors="coerce").to_numpy(np.float64, na_value=np.nan)
     odd = text[np.isnan(values)].dropna()
     for value, times in odd[~odd.str.lower().isin(["nan", "-nan"])].value_counts().items():
@@ -87,8 +89,15 @@ def _numbers_among_text(array: Any, tally: Tally, comma: bool) -> NDArray[np.flo
     return np.array(values)
 
 
-def modes(array: Any, tally: Tally) -> NDArray[np.int8]:
-    """Read the mode: 1 automatic, 0 manual, -1 where the cell does not say."""
+def modes(array: Any, tally: Tally, said: Mapping[str, int] | None = None) -> NDArray[np.int8]:
+    """Read the mode: 1 automatic, 0 manual, -1 where the cell does not say.
+
+    Parameters
+    ----------
+    said
+        What the user says of a text or number, lower case: 1 or 0.
+    """
+    said = said or {}
     array = plain(array)
     if str(array.type) == "bool":
         return np.array(
@@ -96,15 +105,26 @@ def modes(array: Any, tally: Tally) -> NDArray[np.int8]:
         )
     if not is_text(array):
         number = numbers(array, tally)
+        if said:
+            array = array.cast("string")
+            return _by_text(array, lambda t, _: said.get(_number_text(t), MODE_UNKNOWN), MODE_UNKNOWN).astype(
+                np.int8
+            )
         return np.select([number == 1, number == 0], [1, 0], MODE_UNKNOWN).astype(np.int8)
 
     def mode(text: str, times: int) -> int:
-        known = MODES.get(text.strip().lower(), MODE_UNKNOWN)
+        key = text.strip().lower()
+        known = said.get(_number_text(key), MODES.get(key, MODE_UNKNOWN))
         if known == MODE_UNKNOWN and text.strip():
             tally.count_text(text.strip(), times)
         return known
 
     return _by_text(array, mode, MODE_UNKNOWN).astype(np.int8)
+
+
+def _number_text(text: str) -> str:
+    """Return a number's text without a fraction of zeros: ``16.0`` is ``16``."""
+    return text[:-2] if text.endswith(".0") else text
 
 
 def qualities(array: Any, tally: Tally) -> NDArray[np.uint8]:

@@ -17,10 +17,11 @@ from monitor.compiled import jit_nogil
 from monitor.contract.samples import Samples
 
 from .clock import MissingHourError, to_utc
-from .layout import LONG
+from .layout import LONG, TALL
 from .reader import read
 from .rows import HOLD_OP, HOLD_SP, Rows, Tally, UnusableError, join_rows
 from .source import Source
+from .tall import joined_rows
 
 MOST_SORTED_ROWS = 16_000_000
 """Rows sorted at a time, unless one loop alone has more: about 1.5 GB."""
@@ -153,7 +154,7 @@ def in_order(
     UnusableError
         A file is damaged.
     """
-    if any(needs_zone(s, span) for s in sources):
+    if any(needs_zone(s, span) or s.layout.joins for s in sources):
         raise OutOfOrderError  # the order tells the repeated hour's two passes apart: per file, per loop
     gate = _Gate(len(wanted), span, tally)
 
@@ -187,7 +188,13 @@ def sorted_samples(
         some = {name: wanted[name] for name in names[k::parts]}
         own = Tally()
         gate = _Gate(len(wanted), span, own)
-        batches = [b for source in sources for b in _localised(source, some, span, own)]
+        batches = [
+            b for source in sources if not source.layout.joins for b in _localised(source, some, span, own)
+        ]
+        single = [source for source in sources if source.layout.joins]
+        if single:
+            zones = {s.name: span.zone for s in single if needs_zone(s, span)}
+            batches += joined_rows(single, some, zones, own)
         if batches:
             everything = join_rows(batches)
             del batches
@@ -233,6 +240,12 @@ def _localised(source: Source, wanted: Mapping[str, int], span: Span, tally: Tal
 def rows_of(source: Source, names: Sequence[str]) -> int:
     """Estimate how many rows a file has of these loops; a CSV row takes 40 bytes or more."""
     rows = source.size // 40 if source.rows is None else source.rows
+    if source.layout.kind == TALL:  # three rows or more a sample; of the loops asked for, as a share
+        return (
+            rows
+            * sum(name in source.layout.columns for name in names)
+            // (3 * max(1, len(source.layout.columns)))
+        )
     return rows if source.layout.kind == LONG else rows * sum(name in source.layout.columns for name in names)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from monitor.adapters.historian.layout import LONG
 from monitor.adapters.historian.mapping import NO_MAPPING, Mapping
-from monitor.adapters.historian.reader import FORMATS, inspect, scan
+from monitor.adapters.historian.reader import FOLDER_FORMATS, FORMATS, inspect, scan
 from monitor.adapters.historian.reading import settled
 from monitor.adapters.historian.rows import UnusableError
 from monitor.adapters.historian.source import Source
@@ -111,6 +111,7 @@ def expand(
         if path.is_dir():
             files = [p for p in path.rglob("*") if p.suffix.lower() in FORMATS and p.is_file()]
             files = [p for p in files if not any(part.startswith(".") for part in p.relative_to(path).parts)]
+            files = [p for p in files if p.suffix.lower() in FOLDER_FORMATS] or files
         else:
             # a pattern may be absolute, which pathlib's glob refuses
             matches = [path] if path.is_file() else map(Path, glob.glob(given, recursive=True))  # noqa: PTH207

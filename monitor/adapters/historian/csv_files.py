@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from .clock import Clock
-from .layout import Layout, LoopTableFoundError, layout_of
+from .layout import BoundsError, Layout, LoopTableFoundError, is_time_heading, layout_of
 from .mapping import NO_MAPPING, Mapping
 from .recognise import Look
 from .recognised import different_rows, documented_or_recognised, recognised
@@ -34,7 +34,7 @@ def inspect_csv(
 
     def documented() -> Source:
         found, delimiter, encoding = csv_head(path)
-        if "name" in found and {"kp", "process", "form", "ti"} & set(found):
+        if "name" in found and not any(map(is_time_heading, found)) and "value" not in found:
             raise LoopTableFoundError("a loop table, not data")
         layout = layout_of(found, path, names)
         source = Source(
@@ -75,7 +75,7 @@ def _with_table(path: Path, name: str, stat: Any, given: Mapping) -> tuple[Sourc
     separator = given.separator or separator_of(lines)
     width = max((line.count(separator) + 1 for line in lines), default=1)
     if width > MOST_COLUMNS:
-        raise ValueError(f"{width} columns, expected at most {MOST_COLUMNS}")
+        raise BoundsError(f"{width} columns, expected at most {MOST_COLUMNS}")
     lines = lines[: max(20, min(MOST_HEAD_ROWS, MOST_HEAD_CELLS // width))]
     rows = [next(csv.reader([line], delimiter=separator), []) for line in lines]
     head = table_head(rows, given.head)
@@ -102,11 +102,11 @@ def csv_head(path: Path) -> tuple[tuple[str, ...], str, str]:
     encoding = _encoding(head)
     line, newline, _ = head.decode(encoding, errors="replace").removeprefix("\ufeff").partition("\n")
     if not newline and len(head) == MOST_LINE_BYTES:
-        raise ValueError(f"a line of more than {MOST_LINE_BYTES >> 20} MB")
+        raise BoundsError(f"a line of more than {MOST_LINE_BYTES >> 20} MB")
     line = line.rstrip("\r")
     delimiter = max(",;\t", key=line.count)
     if line.count(delimiter) >= MOST_COLUMNS:
-        raise ValueError(f"{line.count(delimiter) + 1} columns, expected at most {MOST_COLUMNS}")
+        raise BoundsError(f"{line.count(delimiter) + 1} columns, expected at most {MOST_COLUMNS}")
     return tuple(h.strip() for h in next(csv.reader([line], delimiter=delimiter), [])), delimiter, encoding
 
 

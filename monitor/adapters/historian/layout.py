@@ -71,6 +71,14 @@ class LoopTableFoundError(ValueError):
     """A file that is no data, but the table of its loops."""
 
 
+class BoundsError(ValueError):
+    """A file beyond the bounds, or with a heading that stands in it twice: it is not looked at further."""
+
+
+class NotUnderstoodError(ValueError):
+    """A file in which no export is recognised."""
+
+
 def heading_key(heading: str) -> str:
     """Return a heading's letters and digits, lower case."""
     return re.sub(r"[^a-z0-9äöüß]", "", re.sub(r"[\[(].*?[\])]", "", heading).lower())
@@ -112,7 +120,7 @@ def layout_of(headings: Sequence[str], path: Path, names: Collection[str] = ()) 
     for heading in headings:
         key = heading.strip().lower()
         if key in by_key and (key in TIME_HEADINGS or key in ROLES or key == "loop" or "." in key):
-            raise ValueError(f"column {heading!r} stands in it twice")
+            raise BoundsError(f"column {heading!r} stands in it twice")
         by_key.setdefault(key, heading)
     time = next((by_key[t] for t in TIME_HEADINGS if t in by_key), None)
     if time is not None:

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from .cell_kinds import NUMBER, decimal_comma
 from .cells import is_text, plain
 from .clock import Clock
-from .layout import LONG, Layout, layout_of
+from .layout import LONG, BoundsError, Layout, layout_of
 from .mapping import NO_MAPPING, Mapping
 from .recognise import Look
 from .recognised import different_rows, documented_or_recognised, recognised, texts_of
@@ -56,7 +56,7 @@ def _by_content(
     file = open_parquet(path)
     meta = file.metadata
     if meta.num_columns > MOST_COLUMNS:
-        raise ValueError(f"{meta.num_columns} columns, expected at most {MOST_COLUMNS}")
+        raise BoundsError(f"{meta.num_columns} columns, expected at most {MOST_COLUMNS}")
     headings = tuple(file.schema_arrow.names)
     source = Source(
         path, name, stat.st_size, stat.st_mtime_ns, "parquet", Layout("", "", {}), Clock("text"), meta.num_rows,
@@ -86,7 +86,7 @@ def _documented(path: Path, name: str, names: Collection[str], unit: str | None,
     file = open_parquet(path)
     meta = file.metadata
     if meta.num_columns > MOST_COLUMNS:
-        raise ValueError(f"{meta.num_columns} columns, expected at most {MOST_COLUMNS}")
+        raise BoundsError(f"{meta.num_columns} columns, expected at most {MOST_COLUMNS}")
     layout = layout_of(file.schema_arrow.names, path, names)
     _bound(meta, layout, stat.st_size)
     source = Source(
@@ -109,7 +109,7 @@ def _bound(meta: Any, layout: Layout, size: int) -> None:
     wanted = headings_of(layout, None)
     decoded = meta.num_rows * 8 * len(wanted)
     if decoded > max(FREE_BYTES, MOST_RATIO * size):
-        raise ValueError(
+        raise BoundsError(
             f"{meta.num_rows} rows decode to {decoded / 1e6:.0f} MB, {decoded / size:.0f} times the file; "
             f"expected at most {MOST_RATIO} times"
         )
@@ -118,7 +118,7 @@ def _bound(meta: Any, layout: Layout, size: int) -> None:
         for c in range(group.num_columns):
             column = group.column(c)
             if column.path_in_schema in wanted and column.total_uncompressed_size > MOST_CHUNK_BYTES:
-                raise ValueError(f"column {column.path_in_schema!r} decodes to more than 2 GB a row group")
+                raise BoundsError(f"column {column.path_in_schema!r} decodes to more than 2 GB a row group")
 
 
 def parquet_batches(

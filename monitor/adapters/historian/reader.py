@@ -61,6 +61,10 @@ def inspect(
         raise unusable(name, error) from None
 
 
+FOLDER_FORMATS = (".parquet", ".csv", ".tsv", ".xlsx")
+"""Formats that are looked for in folders; where none is there, text files are."""
+
+
 def headings(path: Path) -> tuple[str, ...]:
     """Return a file's headings; none where it cannot be read."""
     try:

@@ -78,7 +78,7 @@ def settled(sources: Sequence[Source]) -> list[Source]:
         for name, found in layout.columns.items():
             roles.setdefault(name, set()).update(found)
     lacking = {
-        name: f"no tag for its {' and '.join(r.upper() for r in NEEDED if r not in found)}"
+        name: f"no column or tag of its {' and '.join(r.upper() for r in NEEDED if r not in found)}"
         for name, found in roles.items()
         if not set(NEEDED) <= found
     }

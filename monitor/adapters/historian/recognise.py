@@ -21,6 +21,7 @@ from .layout import (
     TALL,
     WIDE,
     Layout,
+    NotUnderstoodError,
     heading_key,
     is_time_heading,
     normal_name,
@@ -112,7 +113,7 @@ def recognise(look: Look) -> Layout:
         if found is not None:
             return replace(found, unused=(*times, *found.unused))
     shown = ", ".join(h[:40] for h in look.headings[:8]) + (", ..." if len(look.headings) > 8 else "")
-    raise ValueError(
+    raise NotUnderstoodError(
         f"columns {shown}: no set point, PV and output among them, expected e.g. LIC-101.SP, LIC-101.PV, LIC-101.OP as "
         f"columns or as tags in rows; {HELP}"
     )
@@ -146,7 +147,7 @@ def _time_columns(look: Look) -> tuple[str, str]:
         return numbers[0], ""
     if look.headings and look.kinds[look.headings[0]] == NUMBER and look.headings[0].startswith("column "):
         return look.headings[0], ""
-    raise ValueError(
+    raise NotUnderstoodError(
         f"no column of times among {', '.join(h[:40] for h in look.headings[:8])}; expected e.g. `time` with "
         f"2026-11-22T10:00:00; {HELP}"
     )
@@ -254,7 +255,7 @@ def _complete(layout: Layout, loops: Mapping[str, Mapping[str, str]]) -> Layout:
     for name, roles in loops.items():
         lacking = [role.upper() for role in NEEDED if role not in roles]
         if lacking:
-            incomplete[name] = f"no tag for its {' and '.join(lacking)}"
+            incomplete[name] = f"no column or tag of its {' and '.join(lacking)}"
     whole = {name: dict(roles) for name, roles in loops.items() if name not in incomplete}
     return replace(layout, columns=whole, incomplete=incomplete)
 

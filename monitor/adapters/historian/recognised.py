@@ -10,7 +10,7 @@ import numpy as np
 
 from .cell_kinds import NUMBER, TIME, column_kind
 from .cells import MODES, is_text, plain
-from .layout import LONG, TALL, WIDE, Layout, LoopTableFoundError
+from .layout import TALL, WIDE, BoundsError, Layout, LoopTableFoundError, NotUnderstoodError
 from .mapping import NO_MAPPING, Mapping
 from .recognise import HELP, DoubtError, Look, recognise
 from .source import Source, with_clock
@@ -39,17 +39,17 @@ def documented_or_recognised(
         extra = [h for h in source.headings if h not in used]
         if not extra and not source.layout.incomplete and not _pathed(source.layout):
             return source
-    except LoopTableFoundError:
+    except (LoopTableFoundError, BoundsError):
         raise
     except ValueError as error:
         first = error
     try:
         found = by_content()
-    except DoubtError:
+    except (DoubtError, BoundsError):
         raise
     except ValueError as error:
         if source is None:
-            raise (first if first is not None and "stands in it twice" in str(first) else error) from None
+            raise (first if first is not None and isinstance(error, NotUnderstoodError) else error) from None
         used = set(_headings(source.layout))
         return replace(
             source, layout=replace(source.layout, unused=tuple(h for h in source.headings if h not in used))
@@ -68,6 +68,8 @@ def _pathed(layout: Layout) -> bool:
 
 def _better(found: Source, source: Source) -> bool:
     """Whether what is in a file says more than its documented layout: more columns used, or names without their path."""
+    if not source.layout.columns:  # no loop is whole: other files may have the rest
+        return True
     return len(_headings(found.layout)) > len(_headings(source.layout)) or _pathed(source.layout)
 
 
@@ -157,6 +159,3 @@ def texts_of(batch: Any) -> tuple[dict[str, list[str]], dict[str, str]]:
         else:
             kinds[name] = NUMBER
     return cells, kinds
-
-
-__all__ = ["LONG", "different_rows", "documented_or_recognised", "recognised", "texts_of"]

@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .cell_kinds import CLOCK, EMPTY, NUMBER, TIME, column_kind, decimal_comma, kind_of, stands_for_value
-from .layout import is_time_heading
+from .cell_kinds import CLOCK, NUMBER, TIME, column_kind, decimal_comma, kind_of, stands_for_value
+from .layout import NotUnderstoodError, is_time_heading
 from .tag_roles import read_tag, role_of
 
 SEPARATORS = (",", ";", "\t", "|")
@@ -89,7 +89,7 @@ def table_head(rows: Sequence[Sequence[str]], hints: HeadHints | None = None) ->
     hints = hints or HeadHints()
     full = [row for row in rows if any(cell.strip() for cell in row)]
     if not full:
-        raise ValueError("no rows")
+        raise NotUnderstoodError("no rows")
     widths = Counter(len(row) for row in full[len(full) // 2 :])
     width = max(widths, key=lambda w: (widths[w], w))
     data = hints.data if hints.data is not None else _first_data_row(rows, width)
@@ -117,7 +117,7 @@ def _first_data_row(rows: Sequence[Sequence[str]], width: int) -> int:
         filled = [cell for cell in row if cell.strip()]
         if not times and filled and sum(map(stands_for_value, filled)) * 2 >= len(filled):
             return k
-    raise ValueError(f"no rows of data, expected rows of {width} cells with a time")
+    raise NotUnderstoodError(f"no rows of data, expected rows of {width} cells with a time")
 
 
 def _score(row: Sequence[str]) -> int:
@@ -179,6 +179,3 @@ def comma_of(head: Head, separator: str) -> bool:
     if True in found and (separator != "," or found.count(True) > found.count(False)):
         return True
     return False
-
-
-__all__ = ["EMPTY", "Head", "HeadHints", "comma_of", "separator_of", "table_head"]

@@ -55,8 +55,10 @@ _DAY_NAME = r"(?:[a-zA-Z]{2,9}\.?,?\s+)?"
 PATTERNS = (
     *(rf"^\s*{_DAY_NAME}{date}(?:(?:[T,:])?\s*{_CLOCK}(?:\s+Uhr)?{_ZONE})?\s*$" for date in _DATES),
     *(rf"^\s*{_CLOCK}\s+{date}\s*$" for date in _DATES),
-    rf"^\s*(?P<y>(?:19|20)\d{{2}})(?P<m>\d{{2}})(?P<d>\d{{2}})(?:[T ]?(?P<H>\d{{2}})(?P<M>\d{{2}})"
-    rf"(?P<S>\d{{2}})(?:[.,](?P<f>\d{{1,9}}))?{_ZONE})?\s*$",
+    (
+        r"^\s*(?P<y>(?:19|20)\d{2})(?P<m>\d{2})(?P<d>\d{2})(?:[T ]?(?P<H>\d{2})(?P<M>\d{2})"
+        rf"(?P<S>\d{{2}})(?:[.,](?P<f>\d{{1,9}}))?{_ZONE})?\s*$"
+    ),
     rf"^\s*(?P<y>(?:19|20)\d{{2}})(?P<m>\d{{2}})(?P<d>\d{{2}})[T ]\s*{_CLOCK}{_ZONE}\s*$",
 )
 """Of each kind of text; a text is of the first kind that fits."""

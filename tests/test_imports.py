@@ -43,9 +43,10 @@ STATIONS: dict[str, tuple[str, ...]] = {
         "view.process",
     ),
     "audit": ("contract", "engine", "verdict", "adapters"),
+    "importing": ("contract", "adapters", "audit"),
     "check": ("contract", "advise", "adapters", "service.config", "check_controller"),
     "check_controller": ("contract", "detect.event", "identify"),
-    "cli": ("tuners", *CORE, "wire", "adapters", "service", "audit", "view", "check"),
+    "cli": ("tuners", *CORE, "wire", "adapters", "service", "audit", "view", "check", "importing"),
     "__main__": ("cli",),
     "__init__": (*CORE, "adapters.loop_table", "audit"),
 }
@@ -82,7 +83,7 @@ HOMES: dict[str, set[str]] = {
         *(f"monitor/adapters/historian/{n}.py" for n in ("cells", "clock")),
     },
     "python_calamine": {"monitor/adapters/historian/excel_files.py"},
-    "click": {f"monitor/cli/{n}.py" for n in ("audit", "check", "common", "demo", "main", "monitor")}
+    "click": {f"monitor/cli/{n}.py" for n in ("audit", "check", "common", "demo", "importing", "main", "monitor")}
     | {f"monitor/cli/{n}.py" for n in ("simulate", "status", "tune", "view")},
     "rich": {f"monitor/cli/{n}.py" for n in ("audit_show", "demo_show", "tune")},
     "distributed": {"monitor/audit/tasks.py"},

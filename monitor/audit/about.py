@@ -71,7 +71,7 @@ def problems(inputs: Inputs, tally: Tally, left: Mapping[str, str]) -> list[str]
 
 def notes_on_reading(inputs: Inputs) -> list[str]:
     """Say how recognised files are read, and which columns are not used: one line each, files of a kind together."""
-    lines = same_readings(inputs.sources)
+    lines = [*inputs.columns_unknown, *same_readings(inputs.sources)]
     for source in inputs.sources:
         unused = unused_of(source.layout)
         if unused:

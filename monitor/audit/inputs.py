@@ -15,7 +15,7 @@ from monitor.adapters.historian.reader import FOLDER_FORMATS, FORMATS, inspect, 
 from monitor.adapters.historian.reading import settled
 from monitor.adapters.historian.rows import UnusableError
 from monitor.adapters.historian.source import Source
-from monitor.adapters.loop_table import read_loop_table
+from monitor.adapters.loop_table import read_loop_table, unknown_columns
 from monitor.contract.loop_fields import parse_row
 from monitor.contract.loops import LoopTable, LoopTableError
 from monitor.contract.text import short
@@ -32,6 +32,8 @@ class Inputs:
     """Files left out: name, line, reason."""
     loops_left: dict[str, str] = field(default_factory=dict)
     """Loops left out before anything was read, and why."""
+    columns_unknown: list[str] = field(default_factory=list)
+    """Columns of the loop table that are not known, one line each."""
     problems: list[str] = field(default_factory=list)
     """What is wrong with the loop table, and paths that lead nowhere."""
 
@@ -62,6 +64,7 @@ def find(
     inputs = Inputs(None if loops_file is None else Path(loops_file))
     if inputs.loops_file is not None:
         try:
+            inputs.columns_unknown = unknown_columns(inputs.loops_file)
             inputs.loops = read_loop_table(inputs.loops_file)
         except LoopTableError as error:
             inputs.problems += error.problems

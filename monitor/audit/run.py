@@ -127,6 +127,7 @@ class Audit:
             samples.update(part.counts)
         left = loops_left_out(inputs, tally)
         notes = notes_on_reading(inputs)
+        notes += [f"loop {n}: {said}" for p in self.parts for n, said in sorted(p.units.items())]
         wrong = problems(inputs, tally, left)
         if not samples["ok"]:
             self._tidy()

@@ -26,8 +26,11 @@ from monitor.adapters.historian.source import Source
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment, LoopRow, Record
 from monitor.contract.samples import Samples
+from monitor.contract.unit_mismatch import unit_mismatch
 from monitor.engine import Engine
 from monitor.verdict.stale import LastSample
+
+from .first_samples import FirstSamples
 
 MOST_TASK_ROWS = 50_000_000
 """Rows of a task: what `--resume` loses at most, a second or two of detection."""
@@ -45,6 +48,8 @@ class Part(msgspec.Struct):
     newest: int | None = None
     """Of the last one [ns since 1970]."""
     counts: dict[str, int] = {}
+    units: dict[str, str] = {}
+    """Loops whose SP and PV look like different units, and what is seen."""
     tally: Tally = msgspec.field(default_factory=Tally)
     unusable: tuple[str, str, int | None] | None = None
 
@@ -114,14 +119,21 @@ def _run(task: Task, samples: Iterator[Samples], done: Callable[[int], None]) ->
     engine = Engine(LoopTable(task.loops))
     events: list[Assessment] = []
     times: list[int] = []
+    firsts = FirstSamples(len(task.loops))
     for batch in samples:
+        firsts.watch(batch)
         _keep(engine.step(batch), events)
         times = [min([*times, int(batch.time.min())]), max([*times, int(batch.time.max())])]
         done(len(batch))
     _keep(engine.flush(), events)
     last = {loop.name: engine.last_sample(row) for row, loop in enumerate(task.loops)}
     first, newest = times or (None, None)
-    return Part(events, engine.rows(), last, first, newest, engine.counts())
+    units = {
+        loop.name: said
+        for row, loop in enumerate(task.loops)
+        if (said := unit_mismatch(loop, *firsts.of(row)))
+    }
+    return Part(events, engine.rows(), last, first, newest, engine.counts(), units)
 
 
 def _keep(records: Sequence[Record], events: list[Assessment]) -> None:

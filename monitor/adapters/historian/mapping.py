@@ -79,7 +79,7 @@ def read_mapping(path: Path) -> Mapping:
     columns = {}
     for name, said in _table(path, facts, "columns").items():
         loop, role = (said.get("loop"), said.get("role")) if isinstance(said, dict) else (None, None)
-        if not isinstance(loop, str) or not loop or role not in ROLES:
+        if not isinstance(loop, str) or role not in ROLES:
             raise ValueError(
                 f'{path}: columns: {name}: {said!r}, expected {{ loop = "LIC-101", role = one of {", ".join(ROLES)} }}'
             )

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from .layout import LONG, NEEDED, TAGS, TALL, Layout
+from .recognise import file_tag
 from .source import Source
+from .tag_roles import read_tag
 
 MOST_NAMED = 12
 """Columns or tags that are named in a line; the others are counted."""
@@ -47,6 +49,14 @@ def _loops(layout: Layout) -> str:
         return shown
     more = len(layout.columns) - 1
     return f"loop {name}: {shown}" + (f"; {more} more" if more else "")
+
+
+def tag_of(source: Source, heading: str) -> str:
+    """Return a tag's name as a mapping names it: its heading, or its file's name where the heading says nothing."""
+    stems = source.layout.stems
+    if source.layout.kind != TAGS or read_tag(heading) is not None or len(stems) != 1:
+        return heading
+    return file_tag(source.path)
 
 
 def unused_of(layout: Layout) -> str:

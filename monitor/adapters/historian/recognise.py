@@ -184,6 +184,9 @@ def _roles(look: Look, empty: Layout, rest: Sequence[str]) -> Layout | None:
     plain = [h for h in rest if role_of(h) is not None]
     tags = loops_of_tags([OWN + h for h in plain])
     roles = {role: h.removeprefix(OWN) for found in tags.loops.values() for role, h in found.items()}
+    if look.given.kind in {LONG, PER_LOOP} and look.given.columns:
+        roles = {role: h for h, (_, role) in look.given.columns.items() if h in rest}
+        tags = Tags()
     if not all(role in roles for role in NEEDED):
         return None
     _refuse_doubt(tags)
@@ -346,12 +349,17 @@ def _value_and_quality(look: Look, rest: Sequence[str]) -> tuple[str, str]:
     return value, quality
 
 
+def file_tag(path: Path) -> str:
+    """Return the tag that a file's name is: with its folder's name before it where it is a role alone."""
+    own = unquote(path.stem)
+    return own if role_of(own) is None else f"{path.parent.name}.{own}"
+
+
 def _tag_file(look: Look, empty: Layout, rest: Sequence[str]) -> Layout | None:
     """Read a file that is one tag's, called like it."""
     if not [h for h in rest if look.kinds[h] in {NUMBER, WORD}]:
         return None
-    own = unquote(look.path.stem)
-    name = own if role_of(own) is None else f"{look.path.parent.name}.{own}"
+    name = file_tag(look.path)
     if name in look.given.columns:
         loop, role = look.given.columns[name]
         stem = loop

@@ -217,6 +217,7 @@ def mapping_of(sources: Sequence[Source]) -> Mapping:
         tags=layouts[0].tags if len(kinds) == 1 else (),
         value=layouts[0].value if len(kinds) == 1 and layouts[0].kind != TAGS else "",
         quality=layouts[0].quality if len({layout.quality for layout in layouts}) == 1 else "",
+        quality_scale=first.quality_scale,
         columns=columns,
         modes=dict(first.modes),
     )

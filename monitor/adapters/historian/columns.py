@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.contract.entries import MODE_UNKNOWN
 from monitor.contract.samples import QUALITY_GOOD
 
 from .cells import codes_of, is_text, modes, numbers, order_of, plain, qualities, stamps, text_times
@@ -132,7 +133,10 @@ class Taker:
         comma: bool,
         sparse: frozenset[str] = frozenset(),
         modes: Mapping[str, int] | None = None,
+        quality_scale: str = "",
+        strange: int = MODE_UNKNOWN,
     ) -> None:
+        self.quality_scale, self.strange = quality_scale, strange
         self.modes = modes or {}
         self.layout, self.clock, self.wanted, self.tally = layout, clock, wanted, tally
         self.zoned, self.comma, self.sparse = zoned, comma, sparse
@@ -198,10 +202,12 @@ class Taker:
         tally, n = self.tally, len(code)
         sp, pv, op = (self._values(column, roles[role]) for role in NEEDED)
         auto = (
-            modes(column[roles["auto"]], tally, self.modes) if "auto" in roles else _constant(1, np.int8, n)
+            modes(column[roles["auto"]], tally, self.modes, self.strange)
+            if "auto" in roles
+            else _constant(1, np.int8, n)
         )
         quality = (
-            qualities(column[roles["quality"]], tally)
+            qualities(column[roles["quality"]], tally, self.quality_scale)
             if "quality" in roles
             else _constant(QUALITY_GOOD, np.uint8, n)
         )

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from monitor.contract.quality import QUALITY_SCALES
+
 from .table_head import HeadHints
 from .time_formats import order_of_format
 
@@ -17,7 +19,7 @@ KINDS = ("long", "per loop", "wide", "tall", "per tag")
 MODE_WORDS = ("AUTO", "MAN")
 KEYS = (
     *("kind", "time", "time_format", "separator", "decimal", "encoding", "header_row", "data_row"),
-    *("loop", "tag", "value", "quality", "columns", "modes"),
+    *("loop", "tag", "value", "quality", "quality_scale", "columns", "modes"),
 )
 
 
@@ -40,6 +42,7 @@ class Mapping:
     tags: tuple[str, ...] = ()
     value: str = ""
     quality: str = ""
+    quality_scale: str = ""
     columns: dict[str, tuple[str, str]] = field(default_factory=dict)
     """Heading or tag to loop and role."""
     modes: dict[str, int] = field(default_factory=dict)
@@ -102,6 +105,7 @@ def read_mapping(path: Path) -> Mapping:
         tags=_texts(path, facts, "tag"),
         value=_text(path, facts, "value"),
         quality=_text(path, facts, "quality"),
+        quality_scale=_scale(path, facts),
         columns=columns,
         modes=modes,
     )
@@ -129,6 +133,13 @@ def given_mapping(path: str | Path | None, time_format: str | None) -> Mapping:
         return given
     order_of_format(time_format)
     return replace(given, time_format=time_format)
+
+
+def _scale(path: Path, facts: AnyMapping[str, Any]) -> str:
+    scale = _text(path, facts, "quality_scale")
+    if scale and scale not in QUALITY_SCALES:
+        raise ValueError(f"{path}: quality_scale: {scale!r}, expected one of {', '.join(QUALITY_SCALES)}")
+    return scale
 
 
 def _text(path: Path, facts: AnyMapping[str, Any], key: str) -> str:
@@ -182,6 +193,7 @@ def mapping_text(mapping: Mapping, about: str) -> str:
         ("tag", list(mapping.tags)),
         ("value", mapping.value),
         ("quality", mapping.quality),
+        ("quality_scale", mapping.quality_scale),
     ]
     lines += [f"{key} = {_toml(value)}" for key, value in facts if value not in ("", None, [])]
     if mapping.columns:

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from monitor.contract.entries import MODE_UNKNOWN
+
 from .cells import codes_of
 from .columns import Taker
 from .csv_files import bad_lines, csv_batches, csv_head, inspect_csv
@@ -140,6 +142,8 @@ def read(
             comma=source.comma,
             sparse=source.sparse,
             modes=dict(source.modes),
+            quality_scale=source.quality_scale,
+            strange=0 if source.recognised else MODE_UNKNOWN,
         )
         for row, batch in batches:
             tally.file_rows[source.name] = row + len(batch)

@@ -12,6 +12,7 @@ from .cell_kinds import NUMBER, TIME, column_kind
 from .cells import MODES, is_text, plain
 from .layout import TALL, WIDE, BoundsError, Layout, LoopTableFoundError, NotUnderstoodError
 from .mapping import NO_MAPPING, Mapping
+from .quality_scales import quality_scale
 from .recognise import HELP, DoubtError, Look, recognise
 from .source import Source, with_clock
 
@@ -100,8 +101,23 @@ def recognised(
         It is not understood, or may be read in two ways.
     """
     source = replace(source, layout=recognise(look))
+    source = replace(source, quality_scale=look.given.quality_scale or _scale(source.layout, look))
     _refuse_unknown_modes(source, look)
     return with_clock(source, batches, unit, look.given.time_format)
+
+
+def _scale(layout: Layout, look: Look) -> str:
+    """Return the scale of a file's qualities, of all its columns of them."""
+    columns = (
+        [layout.quality]
+        if layout.quality
+        else [r["quality"] for r in layout.columns.values() if "quality" in r]
+    )
+    cells = [cell for h in columns if h in look.cells for cell in look.cells[h]]
+    try:
+        return quality_scale(columns[0], cells, look.headings) if columns else ""
+    except ValueError as error:
+        raise DoubtError(str(error)) from None
 
 
 def _refuse_unknown_modes(source: Source, look: Look) -> None:

@@ -57,6 +57,8 @@ class Source:
     """Of a workbook."""
     modes: tuple[tuple[str, int], ...] = ()
     """What the user says of texts of modes, lower case: 1 automatic, 0 not."""
+    quality_scale: str = ""
+    """Of qualities that are numbers, where it is another than OPC's: a name of `QUALITY_SCALES`."""
     recognised: bool = False
     """Whether the file is of another layout than those of the documentation, and was recognised by what is in it."""
 

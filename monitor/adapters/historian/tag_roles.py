@@ -20,7 +20,7 @@ ROLE_WORDS: dict[str, str] = {
     "controlout y cout outactual opact opactual",
     "auto": "mode auto am automan automanual automode modeactual modact actualmode actmode md modus betriebsart "
     "modblkactual modeact controlmode controllermode isauto inauto autostate modest opmode operationmode loopmode "
-    "automatic automatik reglerbetriebsart regelart amstatus",
+    "automatic automatik reglerbetriebsart regelart amstatus ma",
     "quality": "quality qual status opcquality opcqual qualitaet qualität dataquality statuscode q confidence sts",
     "": "modetarget targetmode modenormal normalmode modepermitted",
     "?": "man manual hand manmode inman ismanual manuell",
@@ -28,7 +28,7 @@ ROLE_WORDS: dict[str, str] = {
 """Words of each role, lower case, without separators. ``""``: known, and not wanted (what mode is asked for is not what
 is); ``?``: says something of the mode, the wrong way about, so that it is not to be passed over."""
 _ROLE = {word: role for role, words in ROLE_WORDS.items() for word in words.split()}
-ALONE_ONLY = frozenset("w x y q process mess ist soll hand am man auto status sts".split())
+ALONE_ONLY = frozenset("w x y q process mess ist soll hand am ma man auto status sts".split())
 """Words that count as a role only behind a separator, and as nothing at a name's beginning."""
 VALUE_WORDS = frozenset(
     "cv value val fcv f_cv current wert aktuell rawvalue displayvalue presentvalue readvalue".split()

@@ -186,7 +186,7 @@ def _tall_batch(
     else:
         value[:] = numbers(cells, tally, comma=source.comma)
     quality = (
-        qualities(column[layout.quality], tally)
+        qualities(column[layout.quality], tally, source.quality_scale)
         if layout.quality
         else np.full(len(tag), QUALITY_GOOD, np.uint8)
     )
@@ -219,7 +219,7 @@ def mode_values(cells: Any, tally: Tally, said: Mapping[str, int]) -> NDArray[np
     if not is_text(cells) and not said:
         number = numbers(cells, tally)
         return np.select([number == 1, number == 0], [1.0, 0.0], np.nan)
-    found = modes(cells if is_text(cells) else cells.cast("string"), tally, said)
+    found = modes(cells if is_text(cells) else cells.cast("string"), tally, said, 0)
     return np.where(found == MODE_UNKNOWN, np.nan, found.astype(np.float64))
 
 
@@ -232,7 +232,9 @@ def _tag_batch(
     tally.bad_time += len(good) - int(good.sum())
     n = len(time)
     quality = (
-        qualities(column[layout.quality], tally) if layout.quality else np.full(n, QUALITY_GOOD, np.uint8)
+        qualities(column[layout.quality], tally, source.quality_scale)
+        if layout.quality
+        else np.full(n, QUALITY_GOOD, np.uint8)
     )
     for heading, (code, role) in codes.items():
         cells = plain(column[heading])

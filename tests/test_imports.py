@@ -73,7 +73,10 @@ HOMES: dict[str, set[str]] = {
     "socket": {"monitor/adapters/rerun_view/process.py"},
     "pyarrow": {
         *(f"monitor/wire/{n}.py" for n in ("arrow", "decode")),
-        *(f"monitor/adapters/historian/{n}.py" for n in ("csv_files", "excel_files", "parquet", "reader", "source", "time_formats")),
+        *(
+            f"monitor/adapters/historian/{n}.py"
+            for n in ("csv_files", "excel_files", "parquet", "reader", "source", "time_formats")
+        ),
         "monitor/adapters/tables.py",
         "sim_plants/export.py",
         "sim_plants/payloads.py",
@@ -83,7 +86,9 @@ HOMES: dict[str, set[str]] = {
         *(f"monitor/adapters/historian/{n}.py" for n in ("cells", "clock")),
     },
     "python_calamine": {"monitor/adapters/historian/excel_files.py"},
-    "click": {f"monitor/cli/{n}.py" for n in ("audit", "check", "common", "demo", "importing", "main", "monitor")}
+    "click": {
+        f"monitor/cli/{n}.py" for n in ("audit", "check", "common", "demo", "importing", "main", "monitor")
+    }
     | {f"monitor/cli/{n}.py" for n in ("simulate", "status", "tune", "view")},
     "rich": {f"monitor/cli/{n}.py" for n in ("audit_show", "demo_show", "tune")},
     "distributed": {"monitor/audit/tasks.py"},

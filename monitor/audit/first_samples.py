@@ -39,9 +39,9 @@ class FirstSamples:
             return
         order = wanted[np.argsort(samples.loop[wanted], kind="stable")]
         codes, starts = np.unique(samples.loop[order], return_index=True)
-        for code, rows in zip(codes, np.split(order, starts[1:]), strict=True):
+        for code, new in zip(codes, np.split(order, starts[1:]), strict=True):
             n = int(self._found[code])
-            rows = rows[: MOST_FIRST - n]
+            rows = new[: MOST_FIRST - n]
             self._kept[code, 0, n : n + len(rows)] = samples.sp[rows]
             self._kept[code, 1, n : n + len(rows)] = samples.pv[rows]
             self._found[code] += len(rows)

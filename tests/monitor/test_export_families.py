@@ -1,4 +1,4 @@
-"""Every family of exports is read to the samples of the plain long Parquet, by itself and by the mapping that import writes."""
+"""Every family of exports is read to the samples that were written, by itself and by the mapping that import writes."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from monitor.adapters.historian.clock import zone_of
 from monitor.adapters.historian.mapping import NO_MAPPING, Mapping, read_mapping
 from monitor.adapters.historian.merge import Span, sorted_samples
-from monitor.adapters.historian.clock import zone_of
 from monitor.adapters.historian.rows import Tally
 from monitor.audit.inputs import find
 from monitor.check import check_file

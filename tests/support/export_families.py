@@ -1,4 +1,4 @@
-"""The same samples as plants' systems export them: shapes, names, times, separators, modes and qualities of each family."""
+"""The same samples as plants' systems export them: shapes, names, times, separators, modes, qualities."""
 
 from __future__ import annotations
 
@@ -84,7 +84,13 @@ def tall(data: pd.DataFrame, names: Names = PLAIN, on: str = "AUTO", off: str = 
             value = modes(part["auto"], on, off) if role == "auto" else part[role].astype(str)
             parts.append(
                 pd.DataFrame(
-                    {"tag": tag, "at": part["time"].to_numpy(), "value": value.to_numpy(), "role": role, "loop": name}
+                    {
+                        "tag": tag,
+                        "at": part["time"].to_numpy(),
+                        "value": value.to_numpy(),
+                        "role": role,
+                        "loop": name,
+                    }
                 )
             )
     return pd.concat(parts).sort_values(["at", "tag"], kind="stable", ignore_index=True)
@@ -131,26 +137,61 @@ def timed(form: str, zone: str | None = ZONE, **names: str) -> Callable[[pd.Data
 GERMAN = {"Mar": "Mrz", "May": "Mai", "Oct": "Okt", "Dec": "Dez"}
 
 NAMES: dict[str, tuple[Names, dict[str, str]]] = {
-    "ignition": (lambda n: {r: f"[default]Area1/{n}/{w}" for r, w in zip(("sp", "pv", "op", "auto"), ("SP", "PV", "OP", "Mode"), strict=True)}, {}),
-    "site-prefix": (lambda n: {r: f"SITE1:{n}_{w}" for r, w in zip(("sp", "pv", "op"), ("SP", "PV", "OUT"), strict=True)}, {}),
-    "deltav": (lambda n: {r: f"{n}/PID1/{w}" for r, w in zip(("sp", "pv", "op", "auto"), ("SP.CV", "PV.CV", "OUT.CV", "MODE.ACTUAL"), strict=True)}, {}),
-    "experion": (lambda n: {r: f"{n}.DACA.{w}" for r, w in zip(("sp", "pv", "op", "auto"), ("SP", "PV", "OP", "MODE"), strict=True)}, {"on": "CAS", "off": "MAN"}),
+    "ignition": (
+        lambda n: {
+            r: f"[default]Area1/{n}/{w}"
+            for r, w in zip(("sp", "pv", "op", "auto"), ("SP", "PV", "OP", "Mode"), strict=True)
+        },
+        {},
+    ),
+    "site-prefix": (
+        lambda n: {r: f"SITE1:{n}_{w}" for r, w in zip(("sp", "pv", "op"), ("SP", "PV", "OUT"), strict=True)},
+        {},
+    ),
+    "deltav": (
+        lambda n: {
+            r: f"{n}/PID1/{w}"
+            for r, w in zip(
+                ("sp", "pv", "op", "auto"), ("SP.CV", "PV.CV", "OUT.CV", "MODE.ACTUAL"), strict=True
+            )
+        },
+        {},
+    ),
+    "experion": (
+        lambda n: {
+            r: f"{n}.DACA.{w}"
+            for r, w in zip(("sp", "pv", "op", "auto"), ("SP", "PV", "OP", "MODE"), strict=True)
+        },
+        {"on": "CAS", "off": "MAN"},
+    ),
     "yokogawa": (suffixes(".SV", ".PV", ".MV", ".MODE"), {"on": "AUT", "off": "MAN"}),
     "foxboro": (suffixes(".SPT", ".MEAS", ".OUT", ".MA"), {}),
     "foxboro-colon": (lambda n: {"sp": f"AREA:{n}.SPT", "pv": f"AREA:{n}.MEAS", "op": f"AREA:{n}.OUT"}, {}),
     "siemens": (suffixes(".SP", ".PV_IN", ".LMN"), {}),
     "rockwell": (suffixes(".SP", ".PV", ".CV"), {}),
     "co": (suffixes("_SP", "_PV", "_CO", "_MODE"), {"on": "1", "off": "0"}),
-    "lower": (lambda n: {r: f"{n}.{r}".lower() for r in ("sp", "pv", "op")} | {"auto": f"{n}.mode".lower()}, {}),
+    "lower": (
+        lambda n: {r: f"{n}.{r}".lower() for r in ("sp", "pv", "op")} | {"auto": f"{n}.mode".lower()},
+        {},
+    ),
     "space": (suffixes(" SP", " PV", " OP", " Mode"), {"on": "Auto", "off": "Manual"}),
     "dash": (suffixes("-SP", "-PV", "-OUT"), {}),
     "slash": (suffixes("/SP", "/PV", "/OP"), {}),
     "bar": (suffixes("|SP", "|PV", "|OP"), {}),
     "colon": (suffixes(":SP", ":PV", ":OP"), {}),
     "words": (suffixes(".SetPoint", ".ProcessValue", ".Output", ".Mode"), {"on": "RCAS", "off": "ROUT"}),
-    "words-apart": (suffixes(" - Set Point", " - Process Value", " - Controller Output", " - Mode"), {"on": "true", "off": "false"}),
-    "german": (suffixes(".Sollwert", ".Istwert", ".Stellwert", ".Betriebsart"), {"on": "Automatik", "off": "Hand"}),
-    "german-long": (suffixes("_Sollwert", "_Istwert", "_Stellgröße", "_Betriebsart"), {"on": "AUTO", "off": "HAND"}),
+    "words-apart": (
+        suffixes(" - Set Point", " - Process Value", " - Controller Output", " - Mode"),
+        {"on": "true", "off": "false"},
+    ),
+    "german": (
+        suffixes(".Sollwert", ".Istwert", ".Stellwert", ".Betriebsart"),
+        {"on": "Automatik", "off": "Hand"},
+    ),
+    "german-long": (
+        suffixes("_Sollwert", "_Istwert", "_Stellgröße", "_Betriebsart"),
+        {"on": "AUTO", "off": "HAND"},
+    ),
     "a-m": (suffixes(".SP", ".PV", ".OP", ".A/M"), {"on": "A", "off": "M"}),
     "auto": (suffixes(".SP", ".PV", ".OP", ".AUTO"), {"on": "1", "off": "0"}),
     "prefixed": (lambda n: {"sp": f"SP_{n}", "pv": f"PV_{n}", "op": f"OP_{n}", "auto": f"MODE_{n}"}, {}),
@@ -161,7 +202,7 @@ NAMES: dict[str, tuple[Names, dict[str, str]]] = {
     "oos": (suffixes(".SP", ".PV", ".OP", ".MODE"), {"on": "CAS", "off": "OOS"}),
     "iman": (suffixes(".SP", ".PV", ".OP", ".MODE"), {"on": "AUTO", "off": "IMAN"}),
     "target-and-actual": (lambda n: {**PLAIN(n), "auto": f"{n}.MODE.ACTUAL"}, {}),
-}  # fmt: skip
+}
 
 FORMS = {
     "dmy-name": "%d-%b-%y %H:%M:%S",
@@ -247,7 +288,12 @@ def loop_files(columns: Mapping[str, str], suffix: str = ".csv"):
     return write
 
 
-def xlsx(make: Callable[[pd.DataFrame], pd.DataFrame], rows_above: int = 0, sheets: bool = False, units: bool = False):
+def xlsx(
+    make: Callable[[pd.DataFrame], pd.DataFrame],
+    rows_above: int = 0,
+    sheets: bool = False,
+    units: bool = False,
+):
     def write(data: pd.DataFrame, folder: Path) -> Path:
         path = folder / "export.xlsx"
         table = make(data)
@@ -277,8 +323,8 @@ def long(data: pd.DataFrame, **names: str) -> pd.DataFrame:
 
 
 def with_title(d: pd.DataFrame) -> str:
-    return (
-        "Plant report,,\nFrom:,14.03.2026 08:00:00,To:,14.03.2026 09:00:00\n\n" + wide(d).to_csv(index=False)
+    return "Plant report,,\nFrom:,14.03.2026 08:00:00,To:,14.03.2026 09:00:00\n\n" + wide(d).to_csv(
+        index=False
     )
 
 
@@ -320,9 +366,22 @@ FAMILIES: dict[str, Family] = {
     "time-offset-chicago": Family(timed("%Y-%m-%dT%H:%M:%S%z", "America/Chicago")),
     "time-z": Family(timed("%Y-%m-%dT%H:%M:%SZ", None)),
     "time-utc-word": Family(timed("%d-%b-%Y %H:%M:%S UTC", None)),
-    "time-german-month": Family(csv(lambda d: wide(d, heading="Zeitstempel", times=local(d).dt.strftime("%d. %b %Y %H:%M:%S").str.replace("Mar", "März")))),
-    "time-german-short": Family(csv(lambda d: wide(d, times=local(d).dt.strftime("%d-%b-%y %H:%M:%S").str.replace("Mar", "Mrz")))),
-    **{f"epoch-{unit}": Family(epoch(scale)) for unit, scale in (("s", 10**9), ("ms", 10**6), ("us", 10**3), ("ns", 1))},
+    "time-german-month": Family(
+        csv(
+            lambda d: wide(
+                d,
+                heading="Zeitstempel",
+                times=local(d).dt.strftime("%d. %b %Y %H:%M:%S").str.replace("Mar", "März"),
+            )
+        )
+    ),
+    "time-german-short": Family(
+        csv(lambda d: wide(d, times=local(d).dt.strftime("%d-%b-%y %H:%M:%S").str.replace("Mar", "Mrz")))
+    ),
+    **{
+        f"epoch-{unit}": Family(epoch(scale))
+        for unit, scale in (("s", 10**9), ("ms", 10**6), ("us", 10**3), ("ns", 1))
+    },
     "excel-serial": Family(csv(lambda d: wide(d, times=excel_serial(d)))),
     "date-time-german": Family(date_and_time("%d.%m.%Y", "%H:%M:%S")),
     "date-time-us": Family(date_and_time("%m/%d/%Y", "%I:%M:%S %p")),
@@ -345,41 +404,222 @@ FAMILIES: dict[str, Family] = {
     "two-heading-rows": Family(text(two_heading_rows), mode=False),
     "bad-texts": Family(csv(bad_texts)),
     "extra-columns": Family(csv(lambda d: wide(d).assign(ambient=20.5, comment="x"))),
-    "wonderware": Family(tall_csv(lambda r: pd.DataFrame({"DateTime": local_text(r, "%Y-%m-%d %H:%M:%S.%f").str[:-3], "TagName": r["tag"], "Value": r["value"], "Quality": 0, "QualityDetail": 192, "OPCQuality": 192}))),
-    "wonderware-quality-only": Family(tall_csv(lambda r: pd.DataFrame({"DateTime": local_text(r), "TagName": r["tag"], "Value": r["value"], "Quality": 0}))),
-    "ip21": Family(tall_csv(lambda r: pd.DataFrame({"NAME": r["tag"], "IP_TREND_TIME": local_text(r, "%d-%b-%y %H:%M:%S.0").str.upper(), "IP_TREND_VALUE": r["value"], "IP_TREND_QSTATUS": "Good"}))),
-    "proficy": Family(tall_csv(lambda r: pd.DataFrame({"Tagname": r["tag"], "TimeStamp": local_text(r, "%m/%d/%Y %I:%M:%S %p"), "Value": r["value"], "Quality": 100}))),
-    "proficy-confidence": Family(tall_csv(lambda r: pd.DataFrame({"tagname": r["tag"], "timestamp": local_text(r), "value": r["value"], "confidence": 100.0}))),
-    "pi-web": Family(tall_csv(lambda r: pd.DataFrame({"Path": "\\\\PI\\" + r["tag"], "Timestamp": pd.to_datetime(r["at"], utc=True).dt.strftime("%Y-%m-%dT%H:%M:%SZ"), "Value": r["value"], "Good": True, "Questionable": False, "Substituted": False, "UnitsAbbreviation": "%"}))),
-    "ignition-tall": Family(tall_csv(lambda r: pd.DataFrame({"path": "[default]Area1/" + r["tag"].str.replace(".", "/"), "value": r["value"], "quality": 192, "timestamp": r["at"] // 10**6}))),
-    "ignition-sql": Family(tall_csv(lambda r: pd.DataFrame({"tagpath": "area/" + r["tag"].str.replace(".", "/"), "floatvalue": r["value"], "dataintegrity": 192, "t_stamp": r["at"] // 10**6}))),
-    "influx": Family(tall_csv(lambda r: pd.DataFrame({"time": r["at"], "series name": r["tag"], "value": r["value"]}))),
-    "loop-and-variable": Family(tall_csv(lambda r: pd.DataFrame({"ts": pd.to_datetime(r["at"], utc=True).astype(str), "asset": r["loop"], "variable": r["role"].replace("auto", "mode"), "value": r["value"]}))),
-    "tall-german": Family(tall_csv(lambda r: pd.DataFrame({"Zeitstempel": local_text(r, "%d.%m.%Y %H:%M:%S"), "Messstelle": r["tag"], "Wert": r["value"].str.replace(".", ","), "Status": "Good"}), sep=";")),
-    "tall-tab": Family(tall_csv(lambda r: pd.DataFrame({"Timestamp": local_text(r), "Tag": r["tag"], "Value": r["value"]}), sep="\t")),
-    "tall-by-tag": Family(tall_csv(lambda r: pd.DataFrame({"Tag": r["tag"], "Time": local_text(r), "Value": r["value"]}).sort_values(["Tag", "Time"]))),
+    "wonderware": Family(
+        tall_csv(
+            lambda r: pd.DataFrame(
+                {
+                    "DateTime": local_text(r, "%Y-%m-%d %H:%M:%S.%f").str[:-3],
+                    "TagName": r["tag"],
+                    "Value": r["value"],
+                    "Quality": 0,
+                    "QualityDetail": 192,
+                    "OPCQuality": 192,
+                }
+            )
+        )
+    ),
+    "wonderware-quality-only": Family(
+        tall_csv(
+            lambda r: pd.DataFrame(
+                {"DateTime": local_text(r), "TagName": r["tag"], "Value": r["value"], "Quality": 0}
+            )
+        )
+    ),
+    "ip21": Family(
+        tall_csv(
+            lambda r: pd.DataFrame(
+                {
+                    "NAME": r["tag"],
+                    "IP_TREND_TIME": local_text(r, "%d-%b-%y %H:%M:%S.0").str.upper(),
+                    "IP_TREND_VALUE": r["value"],
+                    "IP_TREND_QSTATUS": "Good",
+                }
+            )
+        )
+    ),
+    "proficy": Family(
+        tall_csv(
+            lambda r: pd.DataFrame(
+                {
+                    "Tagname": r["tag"],
+                    "TimeStamp": local_text(r, "%m/%d/%Y %I:%M:%S %p"),
+                    "Value": r["value"],
+                    "Quality": 100,
+                }
+            )
+        )
+    ),
+    "proficy-confidence": Family(
+        tall_csv(
+            lambda r: pd.DataFrame(
+                {"tagname": r["tag"], "timestamp": local_text(r), "value": r["value"], "confidence": 100.0}
+            )
+        )
+    ),
+    "pi-web": Family(
+        tall_csv(
+            lambda r: pd.DataFrame(
+                {
+                    "Path": "\\\\PI\\" + r["tag"],
+                    "Timestamp": pd.to_datetime(r["at"], utc=True).dt.strftime("%Y-%m-%dT%H:%M:%SZ"),
+                    "Value": r["value"],
+                    "Good": True,
+                    "Questionable": False,
+                    "Substituted": False,
+                    "UnitsAbbreviation": "%",
+                }
+            )
+        )
+    ),
+    "ignition-tall": Family(
+        tall_csv(
+            lambda r: pd.DataFrame(
+                {
+                    "path": "[default]Area1/" + r["tag"].str.replace(".", "/"),
+                    "value": r["value"],
+                    "quality": 192,
+                    "timestamp": r["at"] // 10**6,
+                }
+            )
+        )
+    ),
+    "ignition-sql": Family(
+        tall_csv(
+            lambda r: pd.DataFrame(
+                {
+                    "tagpath": "area/" + r["tag"].str.replace(".", "/"),
+                    "floatvalue": r["value"],
+                    "dataintegrity": 192,
+                    "t_stamp": r["at"] // 10**6,
+                }
+            )
+        )
+    ),
+    "influx": Family(
+        tall_csv(lambda r: pd.DataFrame({"time": r["at"], "series name": r["tag"], "value": r["value"]}))
+    ),
+    "loop-and-variable": Family(
+        tall_csv(
+            lambda r: pd.DataFrame(
+                {
+                    "ts": pd.to_datetime(r["at"], utc=True).astype(str),
+                    "asset": r["loop"],
+                    "variable": r["role"].replace("auto", "mode"),
+                    "value": r["value"],
+                }
+            )
+        )
+    ),
+    "tall-german": Family(
+        tall_csv(
+            lambda r: pd.DataFrame(
+                {
+                    "Zeitstempel": local_text(r, "%d.%m.%Y %H:%M:%S"),
+                    "Messstelle": r["tag"],
+                    "Wert": r["value"].str.replace(".", ","),
+                    "Status": "Good",
+                }
+            ),
+            sep=";",
+        )
+    ),
+    "tall-tab": Family(
+        tall_csv(
+            lambda r: pd.DataFrame({"Timestamp": local_text(r), "Tag": r["tag"], "Value": r["value"]}),
+            sep="\t",
+        )
+    ),
+    "tall-by-tag": Family(
+        tall_csv(
+            lambda r: pd.DataFrame({"Tag": r["tag"], "Time": local_text(r), "Value": r["value"]}).sort_values(
+                ["Tag", "Time"]
+            )
+        )
+    ),
     "tag-files": Family(tag_files()),
     "tag-files-heading": Family(tag_files(heading=None)),
     "tag-files-nested": Family(tag_files(nest=True)),
     "tag-files-no-heading": Family(tag_files(head=False)),
     "tag-files-quality": Family(tag_files(quality=True)),
-    "loop-files": Family(loop_files({"time": "Timestamp", "sp": "SP", "pv": "PV", "op": "OUT", "auto": "Mode"})),
-    "loop-files-words": Family(loop_files({"time": "Date Time", "sp": "Set Point", "pv": "Process Value", "op": "Output", "auto": "Mode"})),
-    "loop-files-german": Family(loop_files({"time": "Zeit", "sp": "Sollwert", "pv": "Istwert", "op": "Stellwert", "auto": "Betriebsart"})),
+    "loop-files": Family(
+        loop_files({"time": "Timestamp", "sp": "SP", "pv": "PV", "op": "OUT", "auto": "Mode"})
+    ),
+    "loop-files-words": Family(
+        loop_files(
+            {"time": "Date Time", "sp": "Set Point", "pv": "Process Value", "op": "Output", "auto": "Mode"}
+        )
+    ),
+    "loop-files-german": Family(
+        loop_files(
+            {"time": "Zeit", "sp": "Sollwert", "pv": "Istwert", "op": "Stellwert", "auto": "Betriebsart"}
+        )
+    ),
     "xlsx": Family(xlsx(lambda d: wide(d, times=local(d)))),
     "xlsx-text-times": Family(xlsx(wide)),
     "xlsx-title": Family(xlsx(lambda d: wide(d, times=local(d)), rows_above=3)),
     "xlsx-second-sheet": Family(xlsx(lambda d: wide(d, times=local(d)), sheets=True)),
     "xlsx-units": Family(xlsx(lambda d: wide(d, times=local(d)), units=True)),
     "xlsx-serial": Family(xlsx(lambda d: wide(d, times=excel_serial(d)))),
-    "xlsx-tall": Family(xlsx(lambda d: tall(d).assign(Timestamp=lambda r: pd.to_datetime(r["at"], utc=True).dt.tz_convert(ZONE).dt.tz_localize(None), Value=lambda r: pd.to_numeric(r["value"], errors="coerce").astype(object).where(r["role"] != "auto", r["value"]))[["Timestamp", "tag", "Value"]])),
-    "lake": Family(parquet(lambda d: long(d, time="event_ts", loop="asset", sp="setpoint", pv="process_value", op="controller_output"), index=False)),
-    "lake-auto-word": Family(parquet(lambda d: long(d, time="ts", loop="equipment", sp="SP", pv="PV", op="CO").assign(mode=lambda t: modes(t.pop("auto"))), index=False)),
+    "xlsx-tall": Family(
+        xlsx(
+            lambda d: tall(d).assign(
+                Timestamp=lambda r: (
+                    pd.to_datetime(r["at"], utc=True).dt.tz_convert(ZONE).dt.tz_localize(None)
+                ),
+                Value=lambda r: (
+                    pd.to_numeric(r["value"], errors="coerce")
+                    .astype(object)
+                    .where(r["role"] != "auto", r["value"])
+                ),
+            )[["Timestamp", "tag", "Value"]]
+        )
+    ),
+    "lake": Family(
+        parquet(
+            lambda d: long(
+                d, time="event_ts", loop="asset", sp="setpoint", pv="process_value", op="controller_output"
+            ),
+            index=False,
+        )
+    ),
+    "lake-auto-word": Family(
+        parquet(
+            lambda d: long(d, time="ts", loop="equipment", sp="SP", pv="PV", op="CO").assign(
+                mode=lambda t: modes(t.pop("auto"))
+            ),
+            index=False,
+        )
+    ),
     "parquet-index": Family(parquet(lambda d: wide(d, times=utc(d)).set_index("Timestamp"))),
-    "parquet-unnamed-index": Family(parquet(lambda d: wide(d, times=utc(d)).set_index("Timestamp").rename_axis(None))),
+    "parquet-unnamed-index": Family(
+        parquet(lambda d: wide(d, times=utc(d)).set_index("Timestamp").rename_axis(None))
+    ),
     "parquet-naive": Family(parquet(lambda d: wide(d, times=local(d)), index=False)),
     "parquet-strings": Family(parquet(lambda d: wide(d).astype(str), index=False)),
-    "parquet-tall": Family(parquet(lambda d: tall(d).assign(timestamp=lambda r: pd.to_datetime(r["at"], utc=True))[["timestamp", "tag", "value"]], index=False)),
-    "parquet-tall-numbers": Family(parquet(lambda d: tall(d, on="1", off="0").assign(timestamp=lambda r: pd.to_datetime(r["at"], utc=True), value=lambda r: r["value"].astype(float))[["timestamp", "tag", "value"]], index=False)),
-    "parquet-tall-category": Family(parquet(lambda d: tall(d).assign(timestamp=lambda r: pd.to_datetime(r["at"], utc=True), tag=lambda r: r["tag"].astype("category"))[["timestamp", "tag", "value"]], index=False)),
-}  # fmt: skip
+    "parquet-tall": Family(
+        parquet(
+            lambda d: tall(d).assign(timestamp=lambda r: pd.to_datetime(r["at"], utc=True))[
+                ["timestamp", "tag", "value"]
+            ],
+            index=False,
+        )
+    ),
+    "parquet-tall-numbers": Family(
+        parquet(
+            lambda d: tall(d, on="1", off="0").assign(
+                timestamp=lambda r: pd.to_datetime(r["at"], utc=True),
+                value=lambda r: r["value"].astype(float),
+            )[["timestamp", "tag", "value"]],
+            index=False,
+        )
+    ),
+    "parquet-tall-category": Family(
+        parquet(
+            lambda d: tall(d).assign(
+                timestamp=lambda r: pd.to_datetime(r["at"], utc=True),
+                tag=lambda r: r["tag"].astype("category"),
+            )[["timestamp", "tag", "value"]],
+            index=False,
+        )
+    ),
+}

@@ -1,4 +1,4 @@
-"""What a cell of an export may be, by its text alone: a number, a date, a time of day, a word that stands for a value."""
+"""What a cell of an export may be, by its text alone: a number, a date, a time of day, a word in place of a value."""
 
 from __future__ import annotations
 

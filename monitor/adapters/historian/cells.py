@@ -85,6 +85,10 @@ def _numbers_among_text(array: Any, tally: Tally, comma: bool) -> NDArray[np.flo
     pointed = text
     if comma:  # a point before a comma groups thousands: 1.234,5
         pointed = text.str.replace(r"\.(?=.*,)", "", regex=True).str.replace(",", ".", regex=False)
+    else:
+        grouped = text.str.match(r"^[+-]?\d{1,3}(?:,\d{3})+\.\d+$").fillna(value=False)
+        if grouped.any():  # a comma before a point does: 1,234.5
+            pointed = text.where(~grouped, text.str.replace(",", "", regex=False))
     values = pd.to_numeric(pointed, errors="coerce").to_numpy(np.float64, na_value=np.nan)
     odd = text[np.isnan(values)].dropna()
     for value, times in odd[~odd.str.lower().isin(["nan", "-nan"])].value_counts().items():
@@ -132,7 +136,7 @@ def modes(
 
 def _number_text(text: str) -> str:
     """Return a number's text without a fraction of zeros: ``16.0`` is ``16``."""
-    return text[:-2] if text.endswith(".0") else text
+    return text.removesuffix(".0")
 
 
 def qualities(array: Any, tally: Tally, scale: str = "") -> NDArray[np.uint8]:

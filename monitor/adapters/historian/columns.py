@@ -6,6 +6,7 @@ Works on Arrow batches through their own methods, without the library.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -119,6 +120,18 @@ def _of_day(ns: NDArray[np.int64]) -> bool:
     return len(ns) > 0 and bool(np.median(ns) >= OLDEST_S * 1e9)
 
 
+@dataclass(frozen=True, slots=True)
+class Meanings:
+    """What words and numbers of modes and qualities mean in a file."""
+
+    modes: Mapping[str, int] = field(default_factory=dict)
+    """What the user says of a mode, lower case: 1 automatic, 0 not."""
+    strange: int = MODE_UNKNOWN
+    """What a mode is whose word nobody knows."""
+    quality_scale: str = ""
+    """A name of `QUALITY_SCALES`; empty: OPC's."""
+
+
 class Taker:
     """Takes a file's batches apart into rows of loops."""
 
@@ -132,12 +145,9 @@ class Taker:
         *,
         comma: bool,
         sparse: frozenset[str] = frozenset(),
-        modes: Mapping[str, int] | None = None,
-        quality_scale: str = "",
-        strange: int = MODE_UNKNOWN,
+        meanings: Meanings | None = None,
     ) -> None:
-        self.quality_scale, self.strange = quality_scale, strange
-        self.modes = modes or {}
+        self.meanings = meanings or Meanings()
         self.layout, self.clock, self.wanted, self.tally = layout, clock, wanted, tally
         self.zoned, self.comma, self.sparse = zoned, comma, sparse
         self.codes: dict[str | None, int] = {}
@@ -202,12 +212,12 @@ class Taker:
         tally, n = self.tally, len(code)
         sp, pv, op = (self._values(column, roles[role]) for role in NEEDED)
         auto = (
-            modes(column[roles["auto"]], tally, self.modes, self.strange)
+            modes(column[roles["auto"]], tally, self.meanings.modes, self.meanings.strange)
             if "auto" in roles
             else _constant(1, np.int8, n)
         )
         quality = (
-            qualities(column[roles["quality"]], tally, self.quality_scale)
+            qualities(column[roles["quality"]], tally, self.meanings.quality_scale)
             if "quality" in roles
             else _constant(QUALITY_GOOD, np.uint8, n)
         )

@@ -13,8 +13,8 @@ import pyarrow.csv as pa_csv
 
 from .clock import Clock
 from .layout import BoundsError, Layout, LoopTableFoundError, is_time_heading, layout_of
+from .look import Look
 from .mapping import NO_MAPPING, Mapping
-from .recognise import Look
 from .recognised import different_rows, documented_or_recognised, recognised
 from .rows import MOST_KEPT_LINES, Tally
 from .source import MOST_COLUMNS, MOST_LINE_BYTES, Source, headings_of, with_head
@@ -111,9 +111,14 @@ def csv_head(path: Path) -> tuple[tuple[str, ...], str, str]:
 
 
 def _encoding(head: bytes) -> str:
-    """UTF-16 by its mark; UTF-8; else one byte a character, as older historians write."""
+    """UTF-16 by its mark, or by a zero in every second byte; UTF-8; else one byte a character."""
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
+    odd, even = head[1:4096:2], head[0:4096:2]
+    if len(odd) > 8 and odd.count(0) * 2 > len(odd):
+        return "utf-16-le"
+    if len(even) > 8 and even.count(0) * 2 > len(even):
+        return "utf-16-be"
     try:
         codecs.getincrementaldecoder("utf8")().decode(head)
     except UnicodeDecodeError:

@@ -12,8 +12,8 @@ from python_calamine import CalamineError, CalamineWorkbook
 
 from .clock import Clock
 from .layout import Layout
+from .look import Look
 from .mapping import NO_MAPPING, Mapping
-from .recognise import Look
 from .recognised import different_rows, recognised
 from .source import Source
 from .table_head import MOST_HEAD_CELLS, MOST_HEAD_ROWS, comma_of, table_head
@@ -103,7 +103,7 @@ def _array(cells: list[Any]) -> Any:
 
 
 def _ms(cell: dt.datetime) -> int:
-    since = cell - dt.datetime(1970, 1, 1)
+    since = cell - dt.datetime(1970, 1, 1)  # noqa: DTZ001 (a cell has no zone)
     return round(since / dt.timedelta(milliseconds=1))
 
 

@@ -37,8 +37,8 @@ class Layout:
     """Where a file keeps its loops."""
 
     kind: str
-    """``long``, ``per loop``, ``wide``, ``tall`` (a row per tag and time) or ``per tag`` (columns with times of their own,
-    joined over files)."""
+    """``long``, ``per loop``, ``wide``, ``tall`` (a row per tag and time) or ``per tag`` (columns with times of
+    their own, joined over files)."""
     time: str
     """Heading of the time column."""
     columns: dict[str, dict[str, str]]
@@ -58,6 +58,8 @@ class Layout:
     """Heading of their qualities (tall, per tag); empty: none."""
     stems: dict[str, str] = field(default_factory=dict)
     """Loop name to the path by which its tags are called (tall, per tag)."""
+    times: dict[str, str] = field(default_factory=dict)
+    """Heading of a value to that of its own time (per tag), where not all have ``time``."""
     unused: tuple[str, ...] = ()
     """Columns, or tags, that are not used."""
 
@@ -120,7 +122,10 @@ def layout_of(headings: Sequence[str], path: Path, names: Collection[str] = ()) 
     for heading in headings:
         key = heading.strip().lower()
         if key in by_key and (key in TIME_HEADINGS or key in ROLES or key == "loop" or "." in key):
-            raise BoundsError(f"column {heading!r} stands in it twice")
+            twice = f"column {heading!r} stands in it twice"
+            # beside each tag there may be a time, or a quality, of its own
+            own = key in (*TIME_HEADINGS, "quality") and not _plain(headings)
+            raise NotUnderstoodError(twice) if own else BoundsError(twice)
         by_key.setdefault(key, heading)
     time = next((by_key[t] for t in TIME_HEADINGS if t in by_key), None)
     if time is not None:
@@ -130,6 +135,11 @@ def layout_of(headings: Sequence[str], path: Path, names: Collection[str] = ()) 
                 return found
     shown = ", ".join(h[:40] for h in list(headings)[:8]) + (", ..." if len(headings) > 8 else "")
     raise ValueError(f"columns {shown or '(none)'}, expected {EXPECTED}")
+
+
+def _plain(headings: Sequence[str]) -> bool:
+    """Whether roles stand there as headings by themselves."""
+    return set(NEEDED) <= {h.strip().lower() for h in headings}
 
 
 def normal_name(text: str) -> str:

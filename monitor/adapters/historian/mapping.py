@@ -1,4 +1,4 @@
-"""How an export is to be read, as a user says it: ``mapping.toml``, written by ``loopsight import`` and read by ``--map``."""
+"""How an export is to be read, as a user says it: ``mapping.toml``, written by ``loopsight import``, read by ``--map``."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def _scale(path: Path, facts: AnyMapping[str, Any]) -> str:
 def _text(path: Path, facts: AnyMapping[str, Any], key: str) -> str:
     value = facts.get(key, "")
     if not isinstance(value, str):
-        raise ValueError(f"{path}: {key}: {value!r}, expected a text")
+        raise ValueError(f"{path}: {key}: {value!r}, expected a text")  # noqa: TRY004 (of a file, not of a program)
     return value
 
 
@@ -167,7 +167,7 @@ def _row(path: Path, facts: AnyMapping[str, Any], key: str) -> int | None:
 def _table(path: Path, facts: AnyMapping[str, Any], key: str) -> dict[str, Any]:
     value = facts.get(key, {})
     if not isinstance(value, dict):
-        raise ValueError(f"{path}: {key}: {value!r}, expected a table [{key}]")
+        raise ValueError(f"{path}: {key}: {value!r}, expected a table [{key}]")  # noqa: TRY004 (of a file)
     return value
 
 

@@ -13,8 +13,8 @@ from .cell_kinds import NUMBER, decimal_comma
 from .cells import is_text, plain
 from .clock import Clock
 from .layout import LONG, BoundsError, Layout, layout_of
+from .look import Look
 from .mapping import NO_MAPPING, Mapping
-from .recognise import Look
 from .recognised import different_rows, documented_or_recognised, recognised, texts_of
 from .source import BATCH_CELLS, HEAD_ROWS, MOST_COLUMNS, Source, headings_of, with_head
 from .table_head import MOST_HEAD_ROWS

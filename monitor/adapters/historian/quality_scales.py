@@ -37,30 +37,35 @@ def quality_scale(heading: str, cells: Iterable[str], headings: Iterable[str]) -
     ('percent', 'opc')
     """
     key = heading_key(heading)
+    codes = _numbers(cells)
+    if not codes:
+        return ""
+    aveva = {heading_key(h) for h in headings} >= _AVEVA_HEADINGS and not key.startswith("opc")
+    most = max(codes)
+    signs = (
+        (BOOL, key in _BOOL_HEADINGS),
+        (PERCENT, key in _PERCENT_HEADINGS and most <= 100),
+        (WONDERWARE, aveva and codes <= _AVEVA_CODES | {LEAST_OPC_GOOD}),
+        (OPC, most >= LEAST_OPC_GOOD),
+        (PERCENT, most == 100),
+        (WONDERWARE, 0.0 in codes and bool(codes & {16.0, 133.0}) and codes <= {0.0, 1.0, 16.0, 133.0}),
+        (OPC, most > 1),
+    )
+    found = next((scale for scale, told in signs if told), "")
+    if found:
+        return found
+    shown = ", ".join(f"{c:g}" for c in sorted(codes))
+    raise ValueError(
+        f"{heading}: qualities {shown} may be good or bad; say what they are by quality_scale = opc, percent, wonderware "
+        f"or bool in a mapping (--map)"
+    )
+
+
+def _numbers(cells: Iterable[str]) -> set[float]:
     codes = set()
     for cell in cells:
         try:
             codes.add(float(cell.strip().replace(",", ".")))
         except ValueError:
             continue
-    if not codes:
-        return ""
-    if key in _BOOL_HEADINGS:
-        return BOOL
-    if key in _PERCENT_HEADINGS and max(codes) <= 100:
-        return PERCENT
-    aveva = {heading_key(h) for h in headings} >= _AVEVA_HEADINGS and not key.startswith("opc")
-    if aveva and codes <= _AVEVA_CODES | {192.0}:
-        return WONDERWARE
-    if max(codes) >= LEAST_OPC_GOOD:
-        return OPC
-    if max(codes) == 100.0:
-        return PERCENT
-    if codes <= {0.0, 1.0, 16.0, 133.0} and codes & {16.0, 133.0} and 0.0 in codes:
-        return WONDERWARE
-    if max(codes) <= 1:
-        raise ValueError(
-            f"{heading}: qualities {', '.join(f'{c:g}' for c in sorted(codes))} may be good or bad; say what they are by "
-            f"quality_scale = opc, percent, wonderware or bool in a mapping (--map)"
-        )
-    return OPC
+    return codes

@@ -14,7 +14,7 @@ import pyarrow as pa
 from monitor.contract.entries import MODE_UNKNOWN
 
 from .cells import codes_of
-from .columns import Taker
+from .columns import Meanings, Taker
 from .csv_files import bad_lines, csv_batches, csv_head, inspect_csv
 from .excel_files import excel_batches, inspect_excel
 from .layout import LONG, normal_name
@@ -63,7 +63,7 @@ def inspect(
         raise unusable(name, error) from None
 
 
-FOLDER_FORMATS = (".parquet", ".csv", ".tsv", ".xlsx")
+FOLDER_FORMATS = (".parquet", ".csv", ".tsv", ".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 """Formats that are looked for in folders; where none is there, text files are."""
 
 
@@ -95,7 +95,7 @@ FORMATS: dict[str, Callable[..., Source]] = {
     ".csv": inspect_csv,
     ".txt": inspect_csv,
     ".tsv": inspect_csv,
-    ".xlsx": inspect_excel,
+    **dict.fromkeys((".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"), inspect_excel),
 }
 
 
@@ -141,9 +141,9 @@ def read(
             ZONED,
             comma=source.comma,
             sparse=source.sparse,
-            modes=dict(source.modes),
-            quality_scale=source.quality_scale,
-            strange=0 if source.recognised else MODE_UNKNOWN,
+            meanings=Meanings(
+                dict(source.modes), 0 if source.recognised else MODE_UNKNOWN, source.quality_scale
+            ),
         )
         for row, batch in batches:
             tally.file_rows[source.name] = row + len(batch)

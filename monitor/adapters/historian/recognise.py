@@ -1,17 +1,17 @@
-"""Which column of an export is what: the time, the tags, the values, their qualities. Headings and first cells in, a layout out.
+"""Which column of an export is what: the time, the tags, the values, their qualities.
 
-One reading, or none: where two are possible, or something of a loop's mode could not be used, one line says so and
+Headings and first cells in, a layout out. One reading, or none: where two are possible, or something of a loop's mode could not be used, one line says so and
 what would help.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
 
-from .cell_kinds import CLOCK, EMPTY, NUMBER, TIME, WORD
+from .cell_kinds import EMPTY, NUMBER, TIME, WORD
 from .layout import (
     LONG,
     LOOP_WORDS,
@@ -23,75 +23,17 @@ from .layout import (
     Layout,
     NotUnderstoodError,
     heading_key,
-    is_time_heading,
     normal_name,
 )
-from .mapping import NO_MAPPING, Mapping as Given
+from .look import HELP, DoubtError, Look
 from .tag_roles import Tags, loop_names, loops_of_tags, read_tag, role_of
+from .tall_columns import QUALITY_WORDS, VALUE_WORDS, tag_columns, tag_name, value_and_quality
+from .time_columns import own_times, time_columns
 
-HELP = "say which by a mapping: `loopsight import` writes one, --map takes it"
-TAG_WORDS = frozenset(
-    "tag tagname name path tagpath point pointname pointid id item itemid itemname series seriesname metric variable signal "
-    "signalname source sensor address tagid measurement channel fullname kks nodeid messstelle bezeichnung".split()
-)
-VALUE_WORDS = (
-    *(
-        "value",
-        "val",
-        "v",
-        "wert",
-        "messwert",
-        "iptrendvalue",
-        "floatvalue",
-        "reading",
-        "data",
-        "tagvalue",
-        "numericvalue",
-    ),
-    *("avgvalue", "samplevalue", "valuedouble", "doublevalue", "vvalue", "intvalue"),
-)
-"""Headings of the column of values in a tall table, the first goes before the others."""
-QUALITY_WORDS = (
-    *(
-        "opcquality",
-        "quality",
-        "qualitycode",
-        "qual",
-        "q",
-        "status",
-        "confidence",
-        "dataintegrity",
-        "iptrendqstatus",
-    ),
-    *("qstatus", "qualitaet", "qualität", "statuscode", "sts", "good", "isgood", "qualitydetail", "valid"),
-)
-"""Headings of qualities, likewise: a code of OPC goes before a vendor's."""
-LEAST_TAGS_SHARE = 0.2
-"""Share of a column's different texts that must read as tags."""
+LEAST_OWN_SHARE = 0.5
+"""Share of a table's columns that must be tags where no loop is whole in it."""
 OWN = "loop."
 """Put before a heading that is a role alone, so that it reads as a tag."""
-
-
-@dataclass(frozen=True, slots=True)
-class Look:
-    """An export's headings, and what stands beneath them."""
-
-    path: Path
-    headings: tuple[str, ...]
-    kinds: Mapping[str, str]
-    """Kind of each column, by its heading."""
-    cells: Mapping[str, Sequence[str]]
-    """First cells of each."""
-    different: Callable[[tuple[str, ...]], Iterable[tuple[str, ...]]]
-    """Every different row of these columns in the whole file."""
-    known: Collection[str] = ()
-    """Names of the loop table."""
-    given: Given = field(default_factory=lambda: NO_MAPPING)
-    """What the user says of the file."""
-
-
-class DoubtError(ValueError):
-    """A file that may be read in two ways, or in which something of a loop's mode cannot be used."""
 
 
 def recognise(look: Look) -> Layout:
@@ -102,12 +44,18 @@ def recognise(look: Look) -> Layout:
     ValueError
         In one line, what is not understood, or may be read in two ways.
     """
-    time, clock = _time_columns(look)
+    time, clock = time_columns(look)
     rest = [
         h for h in look.headings if h not in {time, clock} and (look.kinds[h] != TIME or look.given.columns)
     ]
     times = [h for h in look.headings if h not in {time, clock, *rest}]
     empty = Layout("", time, {}, clock=clock)
+    pairs = own_times(look, times) if times and not clock else {}
+    if pairs:
+        columns, stems = _all_tags(pairs, look.known)
+        used = {h for roles in columns.values() for h in roles.values()}
+        left = (h for h in rest if h not in used)
+        return replace(empty, kind=TAGS, columns=columns, stems=stems, times=pairs, unused=tuple(left))
     for attempt in (_given, _roles, _wide, _tall, _tag_file):
         found = attempt(look, empty, rest)
         if found is not None:
@@ -116,40 +64,6 @@ def recognise(look: Look) -> Layout:
     raise NotUnderstoodError(
         f"columns {shown}: no set point, PV and output among them, expected e.g. LIC-101.SP, LIC-101.PV, LIC-101.OP as "
         f"columns or as tags in rows; {HELP}"
-    )
-
-
-# ---------------------------------------------------------------------------------------------------
-# time
-
-
-def _time_columns(look: Look) -> tuple[str, str]:
-    """Return the headings of the time, and of the time of day where it stands apart."""
-    given = look.given
-    if given.time:
-        lacking = [h for h in given.time if h not in look.headings]
-        if lacking:
-            raise ValueError(f"no column {lacking[0]!r}, which the mapping names as the time")
-        return given.time[0], given.time[1] if len(given.time) > 1 else ""
-    named = [h for h in look.headings if is_time_heading(h)]
-    dates = [h for h in look.headings if look.kinds[h] == TIME]
-    clocks = [h for h in look.headings if look.kinds[h] == CLOCK]
-    if clocks and dates and not any(":" in cell for cell in look.cells[dates[0]][:1]):
-        if len(dates) > 1 or len(clocks) > 1:
-            raise ValueError(f"several dates or times of day ({', '.join([*dates, *clocks])}); {HELP}")
-        return dates[0], clocks[0]
-    best = [h for h in named if h in dates] or dates
-    if best:
-        source = [h for h in best if "source" in h.lower()]
-        return (source or best)[0], ""
-    numbers = [h for h in named if look.kinds[h] == NUMBER]
-    if numbers:
-        return numbers[0], ""
-    if look.headings and look.kinds[look.headings[0]] == NUMBER and look.headings[0].startswith("column "):
-        return look.headings[0], ""
-    raise NotUnderstoodError(
-        f"no column of times among {', '.join(h[:40] for h in look.headings[:8])}; expected e.g. `time` with "
-        f"2026-11-22T10:00:00; {HELP}"
     )
 
 
@@ -223,8 +137,15 @@ def _wide(look: Look, empty: Layout, rest: Sequence[str]) -> Layout | None:
     """Read columns that are tags."""
     tags = loops_of_tags(rest)
     if not tags.loops:
-        return None
+        own = [h for h in rest if (tag := read_tag(h)) is not None and tag.role in (*NEEDED, "auto")]
+        if not own or len(own) < LEAST_OWN_SHARE * len(rest):
+            return None
+        columns, stems = _all_tags(
+            own, look.known
+        )  # the tags of one role: those of the others stand in other files
+        return replace(empty, kind=TAGS, columns=columns, stems=stems, unused=_roleless(rest))
     _refuse_doubt(tags)
+    _qualities_beside(look, tags)
     names = loop_names(list(tags.loops), look.known)
     loops = {names[stem]: roles for stem, roles in tags.loops.items()}
     if any(all(role in roles for role in NEEDED) for roles in loops.values()):
@@ -232,6 +153,17 @@ def _wide(look: Look, empty: Layout, rest: Sequence[str]) -> Layout | None:
     # none is whole here: the other tags may stand in other files
     columns, stems = _all_tags(rest, look.known)
     return replace(empty, kind=TAGS, columns=columns, stems=stems, unused=_roleless(rest))
+
+
+def _qualities_beside(look: Look, tags: Tags) -> None:
+    """Give each PV the quality that stands behind it, under a heading that is nobody's (in place)."""
+    after = dict(zip(look.headings, look.headings[1:], strict=False))
+    for roles in tags.loops.values():
+        beside = after.get(roles.get("pv", ""), "")
+        if "quality" not in roles and beside and heading_key(beside).rstrip("0123456789") in QUALITY_WORDS:
+            roles["quality"] = beside
+            if beside in tags.unused:
+                tags.unused.remove(beside)
 
 
 def _all_tags(
@@ -265,10 +197,10 @@ def _complete(layout: Layout, loops: Mapping[str, Mapping[str, str]]) -> Layout:
 
 def _tall(look: Look, empty: Layout, rest: Sequence[str]) -> Layout | None:
     """Read a row for each tag and time."""
-    columns = look.given.tags or _tag_columns(look, rest)
+    columns = look.given.tags or tag_columns(look, rest)
     if not columns:
         return None
-    value, quality = _value_and_quality(look, [h for h in rest if h not in columns])
+    value, quality = value_and_quality(look, [h for h in rest if h not in columns])
     rows = [tuple(row) for row in look.different(tuple(columns))]
     whole = {tag_name(row): row for row in rows}
     stems: dict[str, str] = {}
@@ -292,61 +224,6 @@ def _tall(look: Look, empty: Layout, rest: Sequence[str]) -> Layout | None:
         empty, kind=TALL, tags=tuple(columns), value=value, quality=quality, unused=(*unused, *tags.unused)
     )
     return replace(layout, columns=loops, stems=stems)
-
-
-def tag_name(cells: Sequence[str]) -> str:
-    """Return a tag's full name: its cells with a dot between them."""
-    return ".".join(cell.strip() for cell in cells)
-
-
-def _tag_columns(look: Look, rest: Sequence[str]) -> tuple[str, ...]:
-    """Return the headings of the tags: one column, or the loop's and the role's."""
-    words = [h for h in rest if look.kinds[h] == WORD]
-    tags = [h for h in words if _reads_as_tags(look.cells[h])]
-    if len(tags) > 1:
-        best = [h for h in tags if heading_key(h) in TAG_WORDS]
-        tags = best[:1] if best else tags
-    if len(tags) > 1:
-        raise ValueError(f"{' and '.join(tags)} may each be the tag; {HELP}")
-    if tags:
-        return tuple(tags)
-    roles = [h for h in words if _roles_alone(look.cells[h])]
-    if len(roles) == 1:
-        loops = [h for h in rest if h not in roles and heading_key(h) in LOOP_WORDS | TAG_WORDS]
-        loops = loops or [h for h in words if h not in roles and heading_key(h) not in QUALITY_WORDS]
-        if len(loops) == 1:
-            return loops[0], roles[0]
-        if len(loops) > 1:
-            raise ValueError(f"{' and '.join(loops)} may each be the loop's name; {HELP}")
-    return ()
-
-
-def _reads_as_tags(cells: Sequence[str]) -> bool:
-    different = {c for c in cells if c.strip()}
-    read = [tag for c in different if (tag := read_tag(c)) is not None]
-    return any(tag.role in NEEDED for tag in read) and len(read) >= LEAST_TAGS_SHARE * len(different)
-
-
-def _roles_alone(cells: Sequence[str]) -> bool:
-    different = {c for c in cells if c.strip()}
-    roles = {role_of(c) for c in different}
-    return {"sp", "pv"} <= roles or {"pv", "op"} <= roles
-
-
-def _value_and_quality(look: Look, rest: Sequence[str]) -> tuple[str, str]:
-    given = look.given
-    quality = given.quality or next((h for w in QUALITY_WORDS for h in rest if heading_key(h) == w), "")
-    others = [h for h in rest if h != quality and heading_key(h) not in QUALITY_WORDS]
-    value = given.value or next((h for w in VALUE_WORDS for h in others if heading_key(h) == w), "")
-    if not value:
-        numbers = [h for h in others if look.kinds[h] == NUMBER]
-        if len(numbers) != 1:
-            shown = " and ".join(numbers) or "no column"
-            raise ValueError(f"{shown} may be the values of the tags, expected a column `value`; {HELP}")
-        value = numbers[0]
-    if value not in rest:
-        raise ValueError(f"no column {value!r}, which the mapping names as the value")
-    return value, quality
 
 
 def file_tag(path: Path) -> str:

@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from .cell_kinds import NUMBER, TIME, column_kind
+from .cell_kinds import NUMBER, TIME, WORD, column_kind, kind_of, stands_for_value
 from .cells import MODES, is_text, plain
 from .layout import TALL, WIDE, BoundsError, Layout, LoopTableFoundError, NotUnderstoodError
+from .look import HELP, DoubtError, Look
 from .mapping import NO_MAPPING, Mapping
 from .quality_scales import quality_scale
-from .recognise import HELP, DoubtError, Look, recognise
+from .recognise import recognise
 from .source import Source, with_clock
+from .tall_columns import tag_name
 
 MOST_DIFFERENT = 200_000
 """Different tags of a file; more are values, not tags."""
@@ -68,7 +70,7 @@ def _pathed(layout: Layout) -> bool:
 
 
 def _better(found: Source, source: Source) -> bool:
-    """Whether what is in a file says more than its documented layout: more columns used, or names without their path."""
+    """Whether what is in a file says more than its documented layout: more columns, or names without their path."""
     if not source.layout.columns:  # no loop is whole: other files may have the rest
         return True
     return len(_headings(found.layout)) > len(_headings(source.layout)) or _pathed(source.layout)
@@ -122,19 +124,30 @@ def _scale(layout: Layout, look: Look) -> str:
 
 def _refuse_unknown_modes(source: Source, look: Look) -> None:
     """Refuse modes that may mean anything: a loop in manual must not be judged for want of a word."""
-    if source.layout.kind == TALL:
-        return
     said = {text for text, _ in source.modes}
     for name, roles in source.layout.columns.items():
         if "auto" not in roles:
             continue
-        cells = {c.strip().lower().removesuffix(".0") for c in look.cells[roles["auto"]] if c.strip()}
+        cells = {
+            c.strip().lower().removesuffix(".0") for c in _mode_cells(source.layout, roles["auto"], look)
+        }
+        cells = {
+            c for c in cells if c and not (stands_for_value(c) and kind_of(c) == WORD and c not in MODES)
+        }
         odd = sorted(cells - set(MODES) - said)
         if odd and not (cells - set(odd)):
             raise DoubtError(
-                f"{roles['auto']}: mode {odd[0]!r} of {name or 'a loop'}, expected AUTO, MAN, CAS, ..., 1 or 0; say what "
-                f"it means under [modes] of a mapping; {HELP}"
+                f"{roles['auto']}: mode {odd[0]!r} of {name or 'a loop'}, expected AUTO, MAN, CAS, ..., 1 or 0; say "
+                f"what it means under [modes] of a mapping; {HELP}"
             )
+
+
+def _mode_cells(layout: Layout, tag: str, look: Look) -> list[str]:
+    """Return the first values of a mode's column, or tag."""
+    if layout.kind != TALL:
+        return list(look.cells[tag])
+    rows = zip(*(look.cells[h] for h in layout.tags), look.cells[layout.value], strict=True)
+    return [value for *cells, value in rows if tag_name(cells) == tag]
 
 
 def different_rows(batches: Iterable[Any], columns: tuple[str, ...]) -> list[tuple[str, ...]]:

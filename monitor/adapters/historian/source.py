@@ -13,8 +13,8 @@ from typing import Any
 
 import pyarrow as pa
 
-from .clock import Clock
 from .cells import plain
+from .clock import Clock
 from .columns import clock_of, clock_of_texts, sparse_of, times_of
 from .layout import LONG, TAGS, TALL, Layout
 from .time_formats import order_of_dates, order_of_format
@@ -139,4 +139,7 @@ def headings_of(layout: Layout, wanted: Collection[str] | None) -> list[str]:
     for name, roles in layout.columns.items():
         if layout.kind == LONG or wanted is None or name in wanted:
             out += roles.values()
+            out += (
+                layout.times[h] for h in roles.values() if layout.times.get(h, layout.time) != layout.time
+            )
     return out

@@ -1,4 +1,4 @@
-"""Where a table begins in an export: title rows above its headings, rows of units beneath them, headings in two rows."""
+"""Where a table begins in an export: title rows above its headings, rows of units beneath them, two rows of them."""
 
 from __future__ import annotations
 
@@ -36,8 +36,7 @@ class Head:
     @property
     def kinds(self) -> dict[str, str]:
         """Kind of each column, by its heading."""
-        found = {h: column_kind(c) for h, c in zip(self.headings, self.cells, strict=True)}
-        return found
+        return {h: column_kind(c) for h, c in zip(self.headings, self.cells, strict=True)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,8 +144,8 @@ def _headings(rows: Sequence[Sequence[str]], header: int, data: int, width: int)
     row = _with_names_above(rows, header, data, row)
     seen: Counter[str] = Counter()
     out = []
-    for k, heading in enumerate(row):
-        heading = heading or f"column {k + 1}"
+    for k, cell in enumerate(row):
+        heading = cell or f"column {k + 1}"
         seen[heading] += 1
         out.append(heading if seen[heading] == 1 else f"{heading} ({seen[heading]})")
     return tuple(out)
@@ -173,9 +172,6 @@ def _with_names_above(rows: Sequence[Sequence[str]], header: int, data: int, row
 
 def comma_of(head: Head, separator: str) -> bool:
     """Whether a table's numbers have a decimal comma."""
-    found = [
-        decimal_comma(c) for h, c in zip(head.headings, head.cells, strict=True) if head.kinds[h] == NUMBER
-    ]
-    if True in found and (separator != "," or found.count(True) > found.count(False)):
-        return True
-    return False
+    kinds = head.kinds
+    found = [decimal_comma(c) for h, c in zip(head.headings, head.cells, strict=True) if kinds[h] == NUMBER]
+    return True in found and (separator != "," or found.count(True) > found.count(False))

@@ -17,7 +17,7 @@ ROLE_WORDS: dict[str, str] = {
     "regelgroesse regelgröße mess x pvact pvactual pvout pvread mesure",
     "op": "op out mv co cv lmn output outp outputvalue controlleroutput controloutput opout outvalue stellwert "
     "stellgroesse stellgröße stellgrosse manipulatedvariable manipulatedvalue ctrlout ctrloutput controllerout "
-    "controlout y cout outactual opact opactual",
+    "controlout y cout cveu cvout outactual opact opactual",
     "auto": "mode auto am automan automanual automode modeactual modact actualmode actmode md modus betriebsart "
     "modblkactual modeact controlmode controllermode isauto inauto autostate modest opmode operationmode loopmode "
     "automatic automatik reglerbetriebsart regelart amstatus ma",
@@ -148,6 +148,13 @@ def loops_of_tags(names: Iterable[str]) -> Tags:
         stem = spelt.setdefault(tag.stem.casefold(), tag.stem)
         read.setdefault(stem, {}).setdefault(tag.role, []).append((tag.rank, name))
     _qualities_of_tags(read)
+    for name in list(
+        out.unused
+    ):  # many systems call the measured value like the loop: LIC-101, LIC-101.SP, LIC-101.OP
+        stem = spelt.get(name.strip().casefold())
+        if stem is not None and "pv" not in read[stem] and {"sp", "op"} <= set(read[stem]):
+            read[stem]["pv"] = [(0, name)]
+            out.unused.remove(name)
     for stem, roles in read.items():
         _take(out, stem, roles)
     return out
@@ -201,6 +208,8 @@ def _qualities_of_tags(read: dict[str, dict[str, list[tuple[int, str]]]]) -> Non
 # ---------------------------------------------------------------------------------------------------
 # what a loop is called
 
+_COMPONENT = r"[^/\\:|.\[\];=]+"
+"""Of a path; OPC UA writes ``ns=2;s=LIC-101``."""
 _BLOCK_WORDS = r"(?:PID\w{0,4}|DACA|PIDA|CTL\w?|CTRL\w?|REGCTL\w?|BLOCK\d*|FB\d*|PIDCTL\w?|LOOP)"
 _BLOCK = re.compile(rf"^{_BLOCK_WORDS}$", re.IGNORECASE)
 _CONTROLLER = re.compile(
@@ -259,13 +268,13 @@ def _loose(known: Collection[str]) -> dict[str, str]:
 
 
 def _components(stem: str) -> list[str]:
-    return [part for part in re.split(r"[/\\:|.\]]+", stem.replace("[", "/")) if part]
+    return re.findall(_COMPONENT, stem)
 
 
 def _runs(stem: str) -> Iterable[str]:
     """Yield the stem, then each run of its components, longest first."""
     yield stem
-    spans = [(m.start(), m.end()) for m in re.finditer(r"[^/\\:|.\[\]]+", stem)]
+    spans = [(m.start(), m.end()) for m in re.finditer(_COMPONENT, stem)]
     for n in range(len(spans), 0, -1):
         for k in range(len(spans) - n + 1):
             yield stem[spans[k][0] : spans[k + n - 1][1]]
@@ -302,17 +311,17 @@ def _tail(stem: str) -> str:
 
 
 def _varying(stems: Sequence[str]) -> Callable[[str], str]:
-    """Return what cuts off the components that all stems begin or end with."""
+    """Return what cuts off the components that all stems begin with, and blocks' names at their end."""
     lists = [_components(stem) for stem in stems]
-    if not lists:
-        return lambda stem: stem
-    n = min(map(len, lists))
+    n = min(map(len, lists), default=1)
     first = next((k for k in range(n) if len({parts[k] for parts in lists}) > 1), 0)
-    last = next((k for k in range(1, n + 1) if len({parts[-k] for parts in lists}) > 1), 1)
 
     def cut(stem: str) -> str:
-        spans = [(m.start(), m.end()) for m in re.finditer(r"[^/\\:|.\[\]]+", stem)]
-        return stem[spans[first][0] : spans[-last][1]]
+        spans = [(m.start(), m.end()) for m in re.finditer(_COMPONENT, stem)]
+        last = len(spans)
+        while last > first + 1 and _BLOCK.match(stem[slice(*spans[last - 1])]):
+            last -= 1
+        return stem[spans[first][0] : spans[last - 1][1]]
 
     return cut
 

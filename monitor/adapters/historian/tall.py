@@ -229,8 +229,9 @@ def _tag_batch(
     layout, tally = source.layout, take.tally
     column = dict(zip(batch.schema.names, batch.columns, strict=True))
     time, good = take.times(column)
-    tally.bad_time += len(good) - int(good.sum())
     n = len(time)
+    if not layout.times:
+        tally.bad_time += n - int(good.sum())
     quality = (
         qualities(column[layout.quality], tally, source.quality_scale)
         if layout.quality
@@ -238,6 +239,8 @@ def _tag_batch(
     )
     for heading, (code, role) in codes.items():
         cells = plain(column[heading])
+        if layout.times.get(heading, layout.time) != layout.time:
+            time, good = take.times({layout.time: column[layout.times[heading]]})
         if role == "auto":
             value = mode_values(cells, tally, dict(source.modes))
         else:

@@ -1,4 +1,4 @@
-"""Times as plants write them, as text, to nanoseconds: dates with names of months, AM and PM, days before months or after.
+"""Times as plants write them, as text, to nanoseconds: dates with names of months, AM and PM, days before months.
 
 A time is read by its fields (one compiled expression over a column, arithmetic for the rest), so that no list of
 formats is tried. What the fields do not say, whether the day or the month stands first, the whole column has to.
@@ -52,6 +52,21 @@ _CLOCK = (
 )
 _ZONE = r"(?:\s*(?P<z>[zZ]|UTC|GMT|(?:UTC|GMT)?[+-]\d{2}:?\d{2}|[+-]\d{2}))?"
 _DAY_NAME = r"(?:[a-zA-Z]{2,9}\.?,?\s+)?"
+_ZONES = {
+    **dict.fromkeys(("UTC", "GMT", "WET", "Z"), 0),
+    **dict.fromkeys(("CET", "MEZ", "BST", "WEST"), 1),
+    **dict.fromkeys(("CEST", "MESZ", "EET"), 2),
+    "EEST": 3,
+    "EST": -5,
+    "EDT": -4,
+    "CST": -6,
+    "CDT": -5,
+    "MST": -7,
+    "MDT": -6,
+    "PST": -8,
+    "PDT": -7,
+}
+"""Names of zones in times of programs written in Java; [h]."""
 PATTERNS = (
     *(rf"^\s*{_DAY_NAME}{date}(?:(?:[T,:])?\s*{_CLOCK}(?:\s+Uhr)?{_ZONE})?\s*$" for date in _DATES),
     *(rf"^\s*{_CLOCK}\s+{date}\s*$" for date in _DATES),
@@ -60,6 +75,10 @@ PATTERNS = (
         rf"(?P<S>\d{{2}})(?:[.,](?P<f>\d{{1,9}}))?{_ZONE})?\s*$"
     ),
     rf"^\s*(?P<y>(?:19|20)\d{{2}})(?P<m>\d{{2}})(?P<d>\d{{2}})[T ]\s*{_CLOCK}{_ZONE}\s*$",
+    (
+        r"^\s*[A-Za-z]{3} (?P<n>[A-Za-z]{3}) (?P<d>\d{1,2}) (?P<H>\d{2}):(?P<M>\d{2}):(?P<S>\d{2})"
+        rf" (?:(?P<z>{'|'.join(_ZONES)}) )?(?P<y>\d{{4}})\s*$"
+    ),
 )
 """Of each kind of text; a text is of the first kind that fits."""
 _KINDS = tuple(map(re.compile, PATTERNS))
@@ -196,7 +215,7 @@ def _by_word(column: Any, meaning: Callable[[str], float]) -> Ns:
 def _zone_seconds(zone: str) -> int:
     found = re.search(r"([+-])(\d{2}):?(\d{2})?$", zone)
     if found is None:
-        return 0
+        return 3600 * _ZONES.get(zone.upper(), 0)
     size = int(found[2]) * 3600 + int(found[3] or 0) * 60
     return size if found[1] == "+" else -size
 

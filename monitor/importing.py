@@ -1,6 +1,6 @@
 """``loopsight import``: how an export is understood, to be looked at and corrected before anything is judged.
 
-Writes ``mapping.toml``, which ``audit`` and ``check`` take by ``--map``, and ``loops.csv``, a loop table to be completed.
+Writes ``mapping.toml``, which ``audit`` and ``check`` take by ``--map``, and a loop table to be completed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How an export is to be read, as a user says it: ``mapping.toml``, written by ``loopsight import``, read by ``--map``."""
+"""How an export is to be read, as a user says it: ``mapping.toml``, which ``loopsight import`` writes."""
 
 from __future__ import annotations
 

@@ -6,9 +6,11 @@ sorted first (`sorted_samples`), some loops at a time. Both give the same sample
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -21,10 +23,13 @@ from .layout import LONG, TALL
 from .reader import read
 from .rows import HOLD_OP, HOLD_SP, Rows, Tally, UnusableError, join_rows
 from .source import Source
-from .tall import joined_rows
+from .tall import joined_rows, joined_series
+from .tall_store import TagStore
 
 MOST_SORTED_ROWS = 16_000_000
 """Rows sorted at a time, unless one loop alone has more: about 1.5 GB."""
+MOST_JOINED_VALUES = 10_000_000
+"""Values of single tags joined at a time, unless one loop alone has more: about 1 GB."""
 BATCH_ROWS = 1 << 18
 """Samples handed on at a time."""
 
@@ -182,19 +187,47 @@ def sorted_samples(
         A file is damaged, or holds a local time that does not exist.
     """
     names = list(wanted)
-    rows = sum(rows_of(source, names) for source in sources)
-    parts = max(1, min(len(names), -(-rows // MOST_SORTED_ROWS)))
-    for k in range(parts):
-        some = {name: wanted[name] for name in names[k::parts]}
+    single = [source for source in sources if source.layout.joins]
+    rows = sum(rows_of(source, names) for source in sources if not source.layout.joins)
+    values = sum(source.size // 40 if source.rows is None else source.rows for source in single)
+    parts = max(1, min(len(names), max(-(-rows // MOST_SORTED_ROWS), -(-values // MOST_JOINED_VALUES))))
+    cut = [{name: wanted[name] for name in names[k::parts]} for k in range(parts)]
+    zones = {s.name: span.zone for s in single if needs_zone(s, span)}
+    with TemporaryDirectory(prefix="loopsight-", ignore_cleanup_errors=True) as folder:
+        store = TagStore(Path(folder), single, cut, tally) if single and parts > 1 else None
+        yield from _sorted_parts(sources, cut, span, tally, _joined(store, single, zones))
+    # every pass has seen the others' loops
+    tally.unknown -= set(wanted)
+
+
+def _joined(
+    store: TagStore | None, single: Sequence[Source], zones: Mapping[str, ZoneInfo | None]
+) -> Callable[[int, Mapping[str, int], Tally], Iterator[Rows]]:
+    """Return what joins the single tags of a part of the loops: from disk where they were put there."""
+
+    def joined(k: int, some: Mapping[str, int], tally: Tally) -> Iterator[Rows]:
+        if store is not None:
+            return joined_series(store.part(k), some, zones, tally)
+        return joined_rows(single, some, zones, tally) if single else iter(())
+
+    return joined
+
+
+def _sorted_parts(
+    sources: Sequence[Source],
+    cut: Sequence[Mapping[str, int]],
+    span: Span,
+    tally: Tally,
+    joined: Callable[[int, Mapping[str, int], Tally], Iterator[Rows]],
+) -> Iterator[Samples]:
+    wanted = {name: code for some in cut for name, code in some.items()}
+    for k, some in enumerate(cut):
         own = Tally()
         gate = _Gate(len(wanted), span, own)
         batches = [
             b for source in sources if not source.layout.joins for b in _localised(source, some, span, own)
         ]
-        single = [source for source in sources if source.layout.joins]
-        if single:
-            zones = {s.name: span.zone for s in single if needs_zone(s, span)}
-            batches += joined_rows(single, some, zones, own)
+        batches += joined(k, some, own)
         if batches:
             everything = join_rows(batches)
             del batches
@@ -208,8 +241,6 @@ def sorted_samples(
                     yield samples
         _count_loops(gate, wanted)
         tally.add(own)
-    # every pass has seen the others' loops
-    tally.unknown -= set(wanted)
 
 
 def needs_zone(source: Source, span: Span) -> bool:

@@ -56,8 +56,8 @@ def quality_scale(heading: str, cells: Iterable[str], headings: Iterable[str]) -
         return found
     shown = ", ".join(f"{c:g}" for c in sorted(codes))
     raise ValueError(
-        f"{heading}: qualities {shown} may be good or bad; say what they are by quality_scale = opc, percent, wonderware "
-        f"or bool in a mapping (--map)"
+        f"{heading}: qualities {shown} may be good or bad; say what they are by quality_scale = opc, percent, "
+        f"wonderware or bool in a mapping (--map)"
     )
 
 

@@ -1,6 +1,7 @@
 """Which column of an export is what: the time, the tags, the values, their qualities.
 
-Headings and first cells in, a layout out. One reading, or none: where two are possible, or something of a loop's mode could not be used, one line says so and
+Headings and first cells in, a layout out. One reading, or none: where two are possible, or something of a loop's mode
+could not be used, one line says so and
 what would help.
 """
 

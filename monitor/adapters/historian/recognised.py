@@ -163,10 +163,22 @@ def different_rows(batches: Iterable[Any], columns: tuple[str, ...]) -> list[tup
         arrays = [plain(batch.column(h)) for h in columns]
         encoded = [(a if is_text(a) else a.cast("string")).dictionary_encode() for a in arrays]
         texts = [e.dictionary.to_pylist() for e in encoded]
-        index = np.stack([e.indices.fill_null(-1).to_numpy(zero_copy_only=False) for e in encoded])
-        for row in np.unique(index, axis=1).T:
-            if (row >= 0).all():
-                out[tuple(t[k] for t, k in zip(texts, row, strict=True))] = None
+        code = np.zeros(len(batch), np.int64)
+        for e, t in zip(encoded, texts, strict=True):
+            code = code * (len(t) + 1) + e.indices.fill_null(len(t)).to_numpy(zero_copy_only=False)
+        size = int(np.prod([len(t) + 1 for t in texts]))
+        found = (
+            np.flatnonzero(np.bincount(code, minlength=size))
+            if size <= MOST_DIFFERENT * 10
+            else np.unique(code)
+        )
+        for k in found.tolist():
+            row: list[str] = []
+            for t in texts[::-1]:
+                k, at = divmod(k, len(t) + 1)  # noqa: PLW2901 (the digits of one number)
+                row += t[at : at + 1]
+            if len(row) == len(columns):
+                out[tuple(row[::-1])] = None
         if len(out) > MOST_DIFFERENT:
             raise ValueError(f"more than {MOST_DIFFERENT} different tags in {', '.join(columns)}")
     return list(out)

@@ -148,12 +148,11 @@ def loops_of_tags(names: Iterable[str]) -> Tags:
         stem = spelt.setdefault(tag.stem.casefold(), tag.stem)
         read.setdefault(stem, {}).setdefault(tag.role, []).append((tag.rank, name))
     _qualities_of_tags(read)
-    for name in list(
-        out.unused
-    ):  # many systems call the measured value like the loop: LIC-101, LIC-101.SP, LIC-101.OP
-        stem = spelt.get(name.strip().casefold())
-        if stem is not None and "pv" not in read[stem] and {"sp", "op"} <= set(read[stem]):
-            read[stem]["pv"] = [(0, name)]
+    # many systems call the measured value like the loop: LIC-101, LIC-101.SP, LIC-101.OP
+    for name in list(out.unused):
+        bare = spelt.get(name.strip().casefold(), "")
+        if bare and "pv" not in read[bare] and {"sp", "op"} <= set(read[bare]):
+            read[bare]["pv"] = [(0, name)]
             out.unused.remove(name)
     for stem, roles in read.items():
         _take(out, stem, roles)

@@ -62,21 +62,25 @@ def joined_rows(
     UnusableError
         A file is damaged, or holds a local time that does not exist.
     """
-    parts: list[Series] = []
+    parts = []
     for source in sources:
-        try:
-            found = list(_series(source, wanted, tally))
-        except (ValueError, OSError, NotImplementedError) as error:
-            raise unusable(source.name, error) from None
+        found = list(series_of(source, wanted, tally))
         if found:
-            whole = _whole(found)
-            if source.name in zones:
-                _localise(source, whole, zones[source.name])
-            parts.append(whole)
+            parts.append((source, whole(found)))
+    yield from joined_series(parts, wanted, zones, tally)
+
+
+def joined_series(
+    parts: list[tuple[Source, Series]], wanted: Mapping[str, int], zones: Mapping[str, Any], tally: Tally
+) -> Iterator[Rows]:
+    """Join the tags of these loops, read already, as `joined_rows`; empties ``parts``."""
     if not parts:
         return
-    everything = _whole(parts)
-    del parts
+    for source, series in parts:
+        if source.name in zones:
+            _localise(source, series, zones[source.name])
+    everything = whole([series for _, series in parts])
+    parts.clear()
     order = np.argsort(everything.time, kind="stable")
     order = order[np.argsort(everything.tag[order], kind="stable")]
     tag, time, value, quality = (
@@ -125,7 +129,8 @@ def _localise(source: Source, series: Series, zone: Any) -> None:
         raise UnusableError(source.name, f"time: {error.reason}", line) from None
 
 
-def _whole(parts: Sequence[Series]) -> Series:
+def whole(parts: Sequence[Series]) -> Series:
+    """Put series one behind the other."""
     if len(parts) == 1:
         return parts[0]
     return Series(*(np.concatenate([getattr(p, name) for p in parts]) for name in Series.__slots__))
@@ -133,6 +138,25 @@ def _whole(parts: Sequence[Series]) -> Series:
 
 # ---------------------------------------------------------------------------------------------------
 # reading
+
+
+def series_of(source: Source, wanted: Mapping[str, int], tally: Tally) -> Iterator[Series]:
+    """Read a file's tags of these loops, in the file's order; times local where its are.
+
+    Parameters
+    ----------
+    wanted
+        Loop name to its code.
+
+    Raises
+    ------
+    UnusableError
+        The file is damaged.
+    """
+    try:
+        yield from _series(source, wanted, tally)
+    except (ValueError, OSError, NotImplementedError) as error:
+        raise unusable(source.name, error) from None
 
 
 def _series(source: Source, wanted: Mapping[str, int], tally: Tally) -> Iterator[Series]:

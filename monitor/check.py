@@ -15,14 +15,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor.adapters.historian.clock import zone_of
+from monitor.adapters.historian.mapping import NO_MAPPING, Mapping
 from monitor.adapters.historian.rows import Tally, UnusableError
-from monitor.adapters.loop_table import read_loop_table
+from monitor.adapters.historian.tag_roles import read_tag
+from monitor.adapters.loop_table import read_loop_table, unknown_columns
 from monitor.check_controller import Sample, looked_at
 from monitor.contract.loop_fields import parse_row
 from monitor.contract.loops import Loop, LoopTable, LoopTableError
 from monitor.contract.samples import Samples
+from monitor.contract.table_words import is_mistaken
 from monitor.contract.text import short
 from monitor.contract.times import iso
+from monitor.contract.unit_mismatch import unit_mismatch
 from monitor.service.config import problems
 
 if TYPE_CHECKING:
@@ -50,7 +54,9 @@ class Finding:
     """Of a data file's samples."""
 
 
-def check_file(path: Path, tz: str | None = None, time_unit: str | None = None) -> Finding:
+def check_file(
+    path: Path, tz: str | None = None, time_unit: str | None = None, given: Mapping = NO_MAPPING
+) -> Finding:
     """Check a configuration (``.toml``), a loop table or a data file (``.csv``, ``.parquet``, ``.toml``).
 
     Parameters
@@ -59,6 +65,8 @@ def check_file(path: Path, tz: str | None = None, time_unit: str | None = None) 
         Zone of times that name none; default UTC.
     time_unit
         Unit of numeric times: ``s``, ``ms``, ``us``, ``ns`` or ``excel``.
+    given
+        What the user says of data files.
 
     Raises
     ------
@@ -71,7 +79,7 @@ def check_file(path: Path, tz: str | None = None, time_unit: str | None = None) 
         if path.suffix == ".toml":
             text = path.read_text(encoding="utf-8")
             return _table(path) if isinstance(tomllib.loads(text).get("loop"), list) else _config(path)
-        return _table(path) if _has_names(path) else _data(path, tz, time_unit)
+        return _table(path) if _has_names(path) else _data(path, tz, time_unit, given)
     except tomllib.TOMLDecodeError as error:
         return Finding(problems=[f"{path}: {error}"])
     except (OSError, UnicodeDecodeError) as error:
@@ -90,7 +98,9 @@ def check_controllers(found: Sequence[tuple[Path, Finding]]) -> Iterator[tuple[P
     for path, finding in found:
         if finding.sample is None:
             continue
-        wrong, notes = looked_at(finding.names, finding.sample, loops or _beside(path))
+        table = loops or _beside(path)
+        wrong, notes = looked_at(finding.names, finding.sample, table)
+        wrong += _units(finding, table)
         yield (
             path,
             Finding(
@@ -98,6 +108,14 @@ def check_controllers(found: Sequence[tuple[Path, Finding]]) -> Iterator[tuple[P
                 notes=[f"{path}: {line}" for line in notes[:MOST_PROBLEMS]],
             ),
         )
+
+
+def _units(finding: Finding, table: dict[str, Loop]) -> Iterator[str]:
+    """Name the loops whose SP and PV look like different units."""
+    for code, name in enumerate(finding.names):
+        for window, _ in finding.sample.windows(code)[:1] if finding.sample is not None else []:
+            if said := unit_mismatch(table.get(name) or Loop(name=name), window.sp, window.pv):
+                yield f"loop {name}: {said}"
 
 
 def _beside(path: Path) -> dict[str, Loop]:
@@ -118,10 +136,13 @@ def _config(path: Path) -> Finding:
 
 def _has_names(path: Path) -> bool:
     """Whether the file is a loop table: a column ``name``, and no time."""
+    from monitor.adapters.historian.layout import is_time_heading  # noqa: PLC0415 (only for tables)
     from monitor.adapters.historian.reader import headings  # noqa: PLC0415 (pyarrow)
 
-    found = {h.lower() for h in headings(path)}
-    return "name" in found and "time" not in found
+    if path.suffix.lower() == ".xlsx":
+        return False
+    found = [h.lower() for h in headings(path)]
+    return "name" in found and "value" not in found and not any(map(is_time_heading, found))
 
 
 def _table(path: Path) -> Finding:
@@ -131,7 +152,10 @@ def _table(path: Path) -> Finding:
         return Finding("loop table", error.problems)
     known = sum(loop.kp is not None for loop in table)
     what = f"loop table: {counted(len(table), 'loop')}, {known} with settings"
-    return Finding(what, _unused(path, table), loops={loop.name: loop for loop in table})
+    columns = unknown_columns(path)
+    wrong = [line for line in columns if is_mistaken(line)]
+    notes = [line for line in columns if line not in wrong]
+    return Finding(what, [*_unused(path, table), *wrong], notes, loops={loop.name: loop for loop in table})
 
 
 def _unused(path: Path, table: LoopTable) -> list[str]:
@@ -145,14 +169,17 @@ def _unused(path: Path, table: LoopTable) -> list[str]:
     return [f"{path}: loop {loop.name}: rule: {loop.rule!r} is not used: {why}" for loop, why in wrong]
 
 
-def _data(path: Path, tz: str | None, time_unit: str | None) -> Finding:
+def _data(path: Path, tz: str | None, time_unit: str | None, given: Mapping) -> Finding:
     """Read all of a data file as the audit would."""
     from monitor.adapters.historian.merge import OutOfOrderError, Span, in_order, sorted_samples  # noqa: PLC0415
     from monitor.adapters.historian.reader import inspect, scan  # noqa: PLC0415 (pyarrow)
+    from monitor.adapters.historian.reading import reading_of, settled, unused_of  # noqa: PLC0415 (pyarrow)
 
     span = Span(zone=zone_of(tz or "UTC"))
     try:
-        source = inspect(path, unit=time_unit)
+        [source] = settled([inspect(path, unit=time_unit, given=given)])
+        if alone := _alone(source):
+            return Finding(alone)
         names = sorted(set().union(*scan(source))) if source.layout.loop else source.loops
         wanted = {name: k for k, name in enumerate(names)}
         tally, order, sample = Tally(), "in order", Sample()
@@ -169,6 +196,10 @@ def _data(path: Path, tz: str | None, time_unit: str | None) -> Finding:
         names=names,
         sample=sample,
     )
+    if source.recognised:
+        out.notes.append(f"{path}: read as {reading_of(source)}")
+    if source.layout.unused:
+        out.notes.append(f"{path}: {unused_of(source.layout)}")
     out.problems += _names_wrong(path, names)
     for name, reason in source.layout.incomplete.items():
         out.problems.append(f"{path}: loop {name}: {reason}")
@@ -177,6 +208,20 @@ def _data(path: Path, tz: str | None, time_unit: str | None) -> Finding:
     if not tally.loop_rows:
         out.problems.append(f"{path}: no sample in it, expected rows with time, sp, pv and op")
     return out
+
+
+def _alone(source: Source) -> str:
+    """Say of a file that is a single tag's that its loop's others stand elsewhere; empty for any other file."""
+    layout = source.layout
+    if layout.kind != "per tag" or len(layout.incomplete) != 1 or len(layout.stems) != 1 or layout.columns:
+        return ""
+    name = next(iter(layout.incomplete))
+    tag = read_tag(source.path.stem)
+    return (
+        ""
+        if tag is None
+        else f"per tag, {tag.role.upper()} of loop {name}; its other tags are in other files"
+    )
 
 
 def _facts(batches: Iterator[Samples], loops: int) -> str:
@@ -245,6 +290,8 @@ def _places(source: Source, tally: Tally) -> list[str]:
 def _accepted(source: Source, tally: Tally) -> dict[tuple[str, str], str]:
     """Return what would be accepted: by heading, and by the text that stands there instead."""
     out = {(source.layout.time, text): "a time, e.g. 2026-11-22T10:00:00Z" for text in tally.times}
+    if source.layout.value:
+        out |= {(source.layout.value, text): "a number" for text in tally.texts}
     for roles in source.layout.columns.values():
         for role, heading in roles.items():
             if role != "quality":  # any text says something of quality
@@ -258,7 +305,8 @@ def _lines(source: Source, accepted: dict[tuple[str, str], str]) -> list[str]:
     encoding = "utf-8-sig" if source.encoding == "utf8" else source.encoding
     with source.path.open(encoding=encoding, errors="replace", newline="") as file:
         reader = csv.reader(file, delimiter=source.delimiter)
-        next(reader, None)
+        for _ in range(source.skip):
+            next(reader, None)
         for row in reader:
             for heading, cell in zip(source.headings, row, strict=False):
                 expected = accepted.get((heading, cell.strip()[:40]))

@@ -43,9 +43,10 @@ STATIONS: dict[str, tuple[str, ...]] = {
         "view.process",
     ),
     "audit": ("contract", "engine", "verdict", "adapters"),
+    "importing": ("contract", "adapters", "audit"),
     "check": ("contract", "advise", "adapters", "service.config", "check_controller"),
     "check_controller": ("contract", "detect.event", "identify"),
-    "cli": ("tuners", *CORE, "wire", "adapters", "service", "audit", "view", "check"),
+    "cli": ("tuners", *CORE, "wire", "adapters", "service", "audit", "view", "check", "importing"),
     "__main__": ("cli",),
     "__init__": (*CORE, "adapters.loop_table", "audit"),
 }
@@ -72,7 +73,10 @@ HOMES: dict[str, set[str]] = {
     "socket": {"monitor/adapters/rerun_view/process.py"},
     "pyarrow": {
         *(f"monitor/wire/{n}.py" for n in ("arrow", "decode")),
-        *(f"monitor/adapters/historian/{n}.py" for n in ("csv_files", "parquet", "reader", "source")),
+        *(
+            f"monitor/adapters/historian/{n}.py"
+            for n in ("csv_files", "excel_files", "parquet", "reader", "source", "time_formats")
+        ),
         "monitor/adapters/tables.py",
         "sim_plants/export.py",
         "sim_plants/payloads.py",
@@ -81,7 +85,10 @@ HOMES: dict[str, set[str]] = {
         "monitor/adapters/loop_table.py",
         *(f"monitor/adapters/historian/{n}.py" for n in ("cells", "clock")),
     },
-    "click": {f"monitor/cli/{n}.py" for n in ("audit", "check", "common", "demo", "main", "monitor")}
+    "python_calamine": {"monitor/adapters/historian/excel_files.py"},
+    "click": {
+        f"monitor/cli/{n}.py" for n in ("audit", "check", "common", "demo", "importing", "main", "monitor")
+    }
     | {f"monitor/cli/{n}.py" for n in ("simulate", "status", "tune", "view")},
     "rich": {f"monitor/cli/{n}.py" for n in ("audit_show", "demo_show", "tune")},
     "distributed": {"monitor/audit/tasks.py"},

@@ -9,6 +9,7 @@ from typing import Any
 
 from monitor.contract.loop_fields import TABLE_COLUMNS, known_forms, parse_row
 from monitor.contract.loops import LoopTable, LoopTableError
+from monitor.contract.table_words import unknown_column
 
 # ---------------------------------------------------------------------------------------------------
 # files
@@ -45,6 +46,24 @@ def read_loop_table(path: Path | str) -> LoopTable:
     if not len(table):
         raise LoopTableError([f"{path}: no loop in it, expected a row per loop with a column `name`"])
     return table
+
+
+def unknown_columns(path: Path | str) -> list[str]:
+    """Say which columns of a loop table are not known, one line each with the known one that may be meant.
+
+    Nothing is said of a table that cannot be read: `read_loop_table` does.
+    """
+    try:
+        rows = _rows(Path(path))
+    except (OSError, UnicodeDecodeError, csv.Error, tomllib.TOMLDecodeError, ValueError):
+        return []
+    columns: dict[str, list[object]] = {}
+    for _, row in rows:
+        for column, value in row.items():
+            columns.setdefault(str(column), []).append(value)
+    return [
+        f"{path}: {said}" for column, values in columns.items() if (said := unknown_column(column, values))
+    ]
 
 
 def _rows(path: Path) -> list[tuple[int, dict[str, Any]]]:

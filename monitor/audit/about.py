@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from monitor.adapters.historian.reading import reading_of, same_readings, unused_of
 from monitor.adapters.historian.rows import Tally
 from monitor.adapters.historian.source import Source
 from monitor.contract.records import WORST_FIRST, LoopRow
@@ -66,6 +67,16 @@ def problems(inputs: Inputs, tally: Tally, left: Mapping[str, str]) -> list[str]
             out.append(f"{file}: {more} more lines that cannot be read")
     out += _repeated(inputs, tally)
     return out + [f"loop {visible(name, 80)}: {reason}" for name, reason in sorted(left.items())]
+
+
+def notes_on_reading(inputs: Inputs) -> list[str]:
+    """Say how recognised files are read, and which columns are not used: one line each, files of a kind together."""
+    lines = [*inputs.columns_unknown, *same_readings(inputs.sources)]
+    for source in inputs.sources:
+        unused = unused_of(source.layout)
+        if unused:
+            lines.append(f"{source.name}: {unused}")
+    return lines
 
 
 def _repeated(inputs: Inputs, tally: Tally) -> list[str]:
@@ -136,6 +147,7 @@ def about(
         "quality_not_good": _most_frequent(tally.qualities),
         "times_unreadable": sorted(tally.times)[:MOST_LISTED_TEXTS],
         "held_where_empty": {s.name: sorted(s.sparse) for s in inputs.sources if s.sparse},
+        "columns_not_used": {s.name: list(s.layout.unused) for s in inputs.sources if s.layout.unused},
         "quality_unknown": sorted(s.name for s in inputs.sources if not _has_quality(s)),
         "loops_without_data": sorted(n for n in inputs.loops.by_name if n not in tally.loop_rows),
         "skipped": {
@@ -159,6 +171,7 @@ def _read_as(source: Source, tally: Tally) -> dict[str, Any]:
     return {
         "layout": source.layout.kind,
         "rows": source.rows if source.rows is not None else tally.file_rows.get(source.name, 0),
+        **({"read_as": reading_of(source)} if source.recognised else {}),
         "time": f"{clock.kind} [{clock.unit}]" if clock.kind == "number" else clock.kind + order,
     }
 
@@ -168,7 +181,7 @@ def _most_frequent(counts: Mapping[str, int]) -> dict[str, int]:
 
 
 def _has_quality(source: Source) -> bool:
-    return all("quality" in roles for roles in source.layout.columns.values())
+    return bool(source.layout.quality) or all("quality" in roles for roles in source.layout.columns.values())
 
 
 def _iso(time: int | None) -> str | None:

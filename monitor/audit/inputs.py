@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from monitor.adapters.historian.layout import LONG
-from monitor.adapters.historian.reader import FORMATS, inspect, scan
+from monitor.adapters.historian.mapping import NO_MAPPING, Mapping
+from monitor.adapters.historian.reader import FOLDER_FORMATS, FORMATS, inspect, scan
+from monitor.adapters.historian.reading import settled
 from monitor.adapters.historian.rows import UnusableError
 from monitor.adapters.historian.source import Source
-from monitor.adapters.loop_table import read_loop_table
+from monitor.adapters.loop_table import read_loop_table, unknown_columns
 from monitor.contract.loop_fields import parse_row
 from monitor.contract.loops import LoopTable, LoopTableError
 from monitor.contract.text import short
@@ -30,6 +32,8 @@ class Inputs:
     """Files left out: name, line, reason."""
     loops_left: dict[str, str] = field(default_factory=dict)
     """Loops left out before anything was read, and why."""
+    columns_unknown: list[str] = field(default_factory=list)
+    """Columns of the loop table that are not known, one line each."""
     problems: list[str] = field(default_factory=list)
     """What is wrong with the loop table, and paths that lead nowhere."""
 
@@ -40,7 +44,11 @@ class Inputs:
 
 
 def find(
-    paths: Sequence[str | Path], loops_file: str | Path | None, out: Path, time_unit: str | None = None
+    paths: Sequence[str | Path],
+    loops_file: str | Path | None,
+    out: Path,
+    time_unit: str | None = None,
+    given: Mapping = NO_MAPPING,
 ) -> Inputs:
     """Look at the loop table and all files; what cannot be used is noted.
 
@@ -50,10 +58,13 @@ def find(
         Folder of the results, which are no input.
     time_unit
         Unit of numeric times, where the user names it.
+    given
+        What the user says of the files.
     """
     inputs = Inputs(None if loops_file is None else Path(loops_file))
     if inputs.loops_file is not None:
         try:
+            inputs.columns_unknown = unknown_columns(inputs.loops_file)
             inputs.loops = read_loop_table(inputs.loops_file)
         except LoopTableError as error:
             inputs.problems += error.problems
@@ -64,9 +75,10 @@ def find(
     found = expand(paths, inputs.problems, leave=(inputs.loops_file, out))
     for path, name in found.items():
         try:
-            inputs.sources.append(inspect(path, name, inputs.loops.by_name, time_unit))
+            inputs.sources.append(inspect(path, name, inputs.loops.by_name, time_unit, given))
         except UnusableError as error:
             inputs.leave(error)
+    inputs.sources = settled(inputs.sources)
     if inputs.loops_file is None:
         _take_all_loops(inputs)
     return inputs
@@ -102,6 +114,7 @@ def expand(
         if path.is_dir():
             files = [p for p in path.rglob("*") if p.suffix.lower() in FORMATS and p.is_file()]
             files = [p for p in files if not any(part.startswith(".") for part in p.relative_to(path).parts)]
+            files = [p for p in files if p.suffix.lower() in FOLDER_FORMATS] or files
         else:
             # a pattern may be absolute, which pathlib's glob refuses
             matches = [path] if path.is_file() else map(Path, glob.glob(given, recursive=True))  # noqa: PTH207
@@ -109,7 +122,7 @@ def expand(
         files = [p.resolve() for p in files]
         if not files:
             problems.append(
-                f"{given}: no such file, and no Parquet or CSV file in a folder or glob of that name"
+                f"{given}: no such file, and no Parquet, CSV or xlsx file in a folder or glob of that name"
             )
         found.update(p for p in files if not ({p, *p.parents} & left))
     if not found:

@@ -24,3 +24,5 @@ class AuditResult:
     events: list[Assessment] = field(default_factory=list)
     files: list[Path] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    """How exports of other layouts than the documented ones were read, and which columns were not used."""

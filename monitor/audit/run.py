@@ -15,7 +15,16 @@ from monitor.adapters.tables import write_tables
 from monitor.verdict.row import worst_first
 from monitor.verdict.together import cycling_together
 
-from .about import AUDIT_SCHEMA, about, counted, loops_left_out, package_version, problems, why_nothing
+from .about import (
+    AUDIT_SCHEMA,
+    about,
+    counted,
+    loops_left_out,
+    notes_on_reading,
+    package_version,
+    problems,
+    why_nothing,
+)
 from .inputs import Inputs, find, identity
 from .result import PARTS_FOLDER, AuditResult
 from .settings import AuditSettings
@@ -71,7 +80,7 @@ class Audit:
 
     def find(self, paths: Sequence[str | Path], loops_file: str | Path | None) -> None:
         """Look at the loop table and all files; note what cannot be used."""
-        self.inputs = find(paths, loops_file, self.out, self.settings.time_unit)
+        self.inputs = find(paths, loops_file, self.out, self.settings.time_unit, self.settings.given())
 
     def run(self, progress: Callable[[Progress], None] = lambda _: None) -> None:
         """Audit all loops; a file that turns out to be damaged is left out whole, and the rest done anew."""
@@ -117,6 +126,8 @@ class Audit:
             tally.add(part.tally)
             samples.update(part.counts)
         left = loops_left_out(inputs, tally)
+        notes = notes_on_reading(inputs)
+        notes += [f"loop {n}: {said}" for p in self.parts for n, said in sorted(p.units.items())]
         wrong = problems(inputs, tally, left)
         if not samples["ok"]:
             self._tidy()
@@ -125,7 +136,7 @@ class Audit:
                 if wrong and not tally.rows and not inputs.sources
                 else [why_nothing(inputs, tally, samples)]
             )
-            return AuditResult(2, [*wrong, *said])
+            return AuditResult(2, [*wrong, *said], notes=notes)
         events = sorted((e for p in self.parts for e in p.events), key=lambda e: (e.loop, e.start, e.id))
         seconds = all(s.clock.numeric for s in inputs.sources)
         reach = _reach(self.parts)
@@ -146,7 +157,7 @@ class Audit:
         text = json.dumps(said_of_it, indent=1, ensure_ascii=False, allow_nan=False)
         write_text(self.out / "audit.json", text + "\n")
         self._tidy()
-        return AuditResult(0, wrong, rows, events, [*files, self.out / "audit.json"], counts)
+        return AuditResult(0, wrong, rows, events, [*files, self.out / "audit.json"], counts, notes)
 
     def _tidy(self) -> None:
         """Remove the parts: the audit is done."""

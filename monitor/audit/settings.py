@@ -7,6 +7,7 @@ from datetime import UTC
 from zoneinfo import ZoneInfo
 
 from monitor.adapters.historian.clock import zone_of
+from monitor.adapters.historian.mapping import Mapping, given_mapping
 from monitor.adapters.historian.merge import Span
 from monitor.contract.times import given_time
 
@@ -25,10 +26,26 @@ class AuditSettings:
     """Zone of times that name none; None: UTC."""
     time_unit: str | None = None
     """Unit of numeric times: ``s``, ``ms``, ``us``, ``ns`` or ``excel``; None: told by their range."""
+    time_format: str | None = None
+    """Order of day, month and year in times that are text, e.g. ``%d/%m/%Y %H:%M:%S``; None: told by the data."""
+    map: str | None = None
+    """File that says how the exports are to be read (`loopsight import` writes one); None: they are recognised."""
     resume: bool = False
     """Take over what an earlier audit of the same data, stopped half way, has stored in its folder."""
     scheduler: str | None = None
     """Address of a Dask scheduler that runs the tasks; its workers see the files under the same paths."""
+
+    def given(self) -> Mapping:
+        """Return what is said of how the exports are to be read.
+
+        Raises
+        ------
+        ValueError
+            The file, or the format of times, is not acceptable: one line that says why.
+        OSError
+            The file cannot be read.
+        """
+        return given_mapping(self.map, self.time_format)
 
     def span(self) -> Span:
         """Return which samples are wanted, and how their times are read.

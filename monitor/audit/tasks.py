@@ -26,8 +26,11 @@ from monitor.adapters.historian.source import Source
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment, LoopRow, Record
 from monitor.contract.samples import Samples
+from monitor.contract.unit_mismatch import unit_mismatch
 from monitor.engine import Engine
 from monitor.verdict.stale import LastSample
+
+from .first_samples import FirstSamples
 
 MOST_TASK_ROWS = 50_000_000
 """Rows of a task: what `--resume` loses at most, a second or two of detection."""
@@ -45,6 +48,8 @@ class Part(msgspec.Struct):
     newest: int | None = None
     """Of the last one [ns since 1970]."""
     counts: dict[str, int] = {}
+    units: dict[str, str] = {}
+    """Loops whose SP and PV look like different units, and what is seen."""
     tally: Tally = msgspec.field(default_factory=Tally)
     unusable: tuple[str, str, int | None] | None = None
 
@@ -64,11 +69,19 @@ class Task:
         zone = None if self.span.zone is None else self.span.zone.key
         facts = [
             version,
-            [[str(s.path), s.name, s.size, s.mtime_ns, repr(s.clock)] for s in self.sources],
+            [[str(s.path), s.name, s.size, s.mtime_ns, repr(s.clock), *_read_as(s)] for s in self.sources],
             [msgspec.to_builtins(loop) for loop in self.loops],
             [self.span.since, self.span.until, zone],
         ]
         return hashlib.blake2b(msgspec.msgpack.encode(facts), digest_size=16).hexdigest()
+
+
+def _read_as(source: Source) -> list[str]:
+    """Say how a recognised file is read, in full: another mapping of the same file is another task."""
+    if not source.recognised:
+        return []
+    how = replace(source, path=Path(), name="")
+    return [repr(how)]
 
 
 _counter: Any = None
@@ -106,14 +119,21 @@ def _run(task: Task, samples: Iterator[Samples], done: Callable[[int], None]) ->
     engine = Engine(LoopTable(task.loops))
     events: list[Assessment] = []
     times: list[int] = []
+    firsts = FirstSamples(len(task.loops))
     for batch in samples:
+        firsts.watch(batch)
         _keep(engine.step(batch), events)
         times = [min([*times, int(batch.time.min())]), max([*times, int(batch.time.max())])]
         done(len(batch))
     _keep(engine.flush(), events)
     last = {loop.name: engine.last_sample(row) for row, loop in enumerate(task.loops)}
     first, newest = times or (None, None)
-    return Part(events, engine.rows(), last, first, newest, engine.counts())
+    units = {
+        loop.name: said
+        for row, loop in enumerate(task.loops)
+        if (said := unit_mismatch(loop, *firsts.of(row)))
+    }
+    return Part(events, engine.rows(), last, first, newest, engine.counts(), units)
 
 
 def _keep(records: Sequence[Record], events: list[Assessment]) -> None:
@@ -189,7 +209,7 @@ def _task(
     for name in names:
         for source, found in where.get(name, {}).items():
             groups.setdefault(source, set()).update(found)
-    used = [s for s in sources if s.name in groups or (s.layout.kind == LONG and s.format == "csv")]
+    used = [s for s in sources if s.name in groups or (s.layout.kind == LONG and s.format != "parquet")]
     pruned = {s.name: sorted(groups[s.name]) for s in used if s.layout.kind == LONG and s.format == "parquet"}
     # a task needs to know its own columns only: a wide file of a whole fleet has tens of thousands
     return Task(tuple(loops), tuple(_narrow(s, names) for s in used), span, pruned)

@@ -41,6 +41,14 @@ Example:
     type=click.Choice(["s", "ms", "us", "ns", "excel"]),
     help="Unit of numeric times. Default: told by their range.",
 )
+@click.option(
+    "--time-format",
+    metavar="FORMAT",
+    help="Order of day, month and year in times that are text, e.g. '%d/%m/%Y %H:%M:%S'. Default: told by the data.",
+)
+@click.option(
+    "--map", metavar="FILE", help="How the exports are to be read, as `loopsight import` writes it."
+)
 @click.option("--resume", is_flag=True, help="Go on with an audit of the same data that was stopped.")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, e.g. tcp://10.0.0.5:8786.")
 def audit(paths: tuple[str, ...], loops_file: str | None, out: str, **options: Any) -> None:

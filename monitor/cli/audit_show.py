@@ -53,8 +53,8 @@ def show(result: AuditResult) -> None:
     """Print what was left out (stderr), the worst loops, and where the files are."""
     console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
     errors = Console(stderr=True, highlight=False, soft_wrap=True)
-    for line in result.problems:
-        errors.print(Text(line))
+    for line in [*result.notes, *result.problems]:
+        errors.print(Text(visible(line)))
     if result.exit_code:
         return
     if result.rows:

@@ -29,20 +29,36 @@ Example:
     type=click.Choice(["s", "ms", "us", "ns", "excel"]),
     help="Unit of numeric times. Default: told by their range.",
 )
-def check(files: tuple[Path, ...], tz: str | None, time_unit: str | None) -> None:
+@click.option("--time-format", metavar="FORMAT", help="Order of day, month and year in times that are text.")
+@click.option(
+    "--map",
+    "map_file",
+    metavar="FILE",
+    help="How data files are to be read, as `loopsight import` writes it.",
+)
+def check(
+    files: tuple[Path, ...],
+    tz: str | None,
+    time_unit: str | None,
+    time_format: str | None,
+    map_file: str | None,
+) -> None:
     """Check, print what was found, exit 0 or 2."""
+    from monitor.adapters.historian.mapping import given_mapping
     from monitor.check import check_controllers, check_file, counted
     from monitor.contract.text import visible
 
     every = []
     for path in files:
         try:
-            found = check_file(path, tz, time_unit)
-        except ValueError as error:
+            found = check_file(path, tz, time_unit, given_mapping(map_file, time_format))
+        except (ValueError, OSError) as error:
             raise Refused(str(error)) from None
         every.append((path, found))
         for line in found.problems:
             click.echo(visible(line), err=True)
+        for line in found.notes:
+            click.echo(visible(line))
         if found.what:
             end = f"; {counted(len(found.problems), 'problem')}" if found.problems else "; no problem"
             click.echo(visible(f"{path}: {found.what}{end}"))

@@ -33,6 +33,41 @@ def opc_quality(codes: NDArray[np.float64]) -> NDArray[np.uint8]:
     )
 
 
+OPC, PERCENT, WONDERWARE, BOOL = "opc", "percent", "wonderware", "bool"
+QUALITY_SCALES = (OPC, PERCENT, WONDERWARE, BOOL)
+"""What a number says of quality: OPC's code; a share of good samples [%]; AVEVA's, 0 is good; 1 is good."""
+_WONDERWARE_GOOD, _WONDERWARE_DOUBTFUL = 0.0, (16.0, 64.0, 133.0)
+"""Good; doubtful, or the initial value of a query, which is that of an earlier time."""
+
+
+def scaled_quality(codes: NDArray[np.float64], scale: str) -> NDArray[np.uint8]:
+    """Fold numbers of a vendor's scale into OPC's byte: NaN (not given) is good.
+
+    Parameters
+    ----------
+    scale
+        A name of `QUALITY_SCALES`; empty: OPC's.
+
+    Examples
+    --------
+    >>> scaled_quality(np.array([0.0, 1.0, 133.0, 192.0]), "wonderware").tolist()
+    [192, 0, 64, 192]
+    """
+    good = np.isnan(codes)
+    if scale == PERCENT:
+        good, doubtful = good | (codes >= 100), codes > 0
+    elif scale == WONDERWARE:
+        good, doubtful = (
+            good | (codes == _WONDERWARE_GOOD) | (codes >= 192),
+            np.isin(codes, _WONDERWARE_DOUBTFUL),
+        )
+    elif scale == BOOL:
+        good, doubtful = good | (codes == 1), np.zeros(len(codes), np.bool_)
+    else:
+        return opc_quality(codes)
+    return np.select([good, doubtful], [QUALITY_GOOD, QUALITY_UNCERTAIN], QUALITY_BAD).astype(np.uint8)
+
+
 def quality_of(code: float | str | None) -> int:
     """Return the OPC byte of one quality, as a code, a word or a bool; nothing and an empty text are good.
 

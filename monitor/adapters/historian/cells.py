@@ -7,22 +7,25 @@ cast; pandas reads what is not.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor.contract.entries import MODE_UNKNOWN
-from monitor.contract.quality import opc_quality, quality_of
+from monitor.contract.quality import quality_of, scaled_quality
 from monitor.contract.samples import QUALITY_GOOD
 from monitor.contract.times import UNIT_NS
 
+from .cell_kinds import stands_for_value
 from .clock import DAY_FIRST, MONTH_FIRST
 from .rows import Tally
 
-_AUTOMATIC = "auto aut a cas cascade c rcas true t 1 1.0 yes on wahr"
-_MANUAL = "man manual m hand h rout trk iman lo oos false f 0 0.0 no off falsch"
+_AUTOMATIC = (
+    "auto aut a automatic automatik automatisch cas cascade kaskade c rcas true t 1 1.0 yes on wahr ein ja"
+)
+_MANUAL = "man manual m hand handbetrieb manuell h rout trk iman lo oos false f 0 0.0 no off falsch aus nein"
 MODES = {**dict.fromkeys(_AUTOMATIC.split(), 1), **dict.fromkeys(_MANUAL.split(), 0)}
 """Text of a mode, lower case: only AUTO, CAS, RCAS are automatic; what is in neither list is unknown."""
 
@@ -79,7 +82,13 @@ def _numbers_among_text(array: Any, tally: Tally, comma: bool) -> NDArray[np.flo
     import pandas as pd  # noqa: PLC0415 (half a second; only for what a plain cast refuses)
 
     text = array.to_pandas().str.strip()
-    pointed = text.str.replace(",", ".", regex=False) if comma else text
+    pointed = text
+    if comma:  # a point before a comma groups thousands: 1.234,5
+        pointed = text.str.replace(r"\.(?=.*,)", "", regex=True).str.replace(",", ".", regex=False)
+    else:
+        grouped = text.str.match(r"^[+-]?\d{1,3}(?:,\d{3})+\.\d+$").fillna(value=False)
+        if grouped.any():  # a comma before a point does: 1,234.5
+            pointed = text.where(~grouped, text.str.replace(",", "", regex=False))
     values = pd.to_numeric(pointed, errors="coerce").to_numpy(np.float64, na_value=np.nan)
     odd = text[np.isnan(values)].dropna()
     for value, times in odd[~odd.str.lower().isin(["nan", "-nan"])].value_counts().items():
@@ -87,8 +96,19 @@ def _numbers_among_text(array: Any, tally: Tally, comma: bool) -> NDArray[np.flo
     return np.array(values)
 
 
-def modes(array: Any, tally: Tally) -> NDArray[np.int8]:
-    """Read the mode: 1 automatic, 0 manual, -1 where the cell does not say."""
+def modes(
+    array: Any, tally: Tally, said: Mapping[str, int] | None = None, strange: int = MODE_UNKNOWN
+) -> NDArray[np.int8]:
+    """Read the mode: 1 automatic, 0 manual, -1 where the cell does not say.
+
+    Parameters
+    ----------
+    said
+        What the user says of a text or number, lower case: 1 or 0.
+    strange
+        What a word means that is in no list, and stands for no bad value either.
+    """
+    said = said or {}
     array = plain(array)
     if str(array.type) == "bool":
         return np.array(
@@ -96,34 +116,53 @@ def modes(array: Any, tally: Tally) -> NDArray[np.int8]:
         )
     if not is_text(array):
         number = numbers(array, tally)
+        if said:
+            array = array.cast("string")
+            return _by_text(array, lambda t, _: said.get(_number_text(t), MODE_UNKNOWN), MODE_UNKNOWN).astype(
+                np.int8
+            )
         return np.select([number == 1, number == 0], [1, 0], MODE_UNKNOWN).astype(np.int8)
 
     def mode(text: str, times: int) -> int:
-        known = MODES.get(text.strip().lower(), MODE_UNKNOWN)
+        key = text.strip().lower()
+        known = said.get(_number_text(key), MODES.get(key, MODE_UNKNOWN))
         if known == MODE_UNKNOWN and text.strip():
             tally.count_text(text.strip(), times)
+            return MODE_UNKNOWN if stands_for_value(text) else strange
         return known
 
     return _by_text(array, mode, MODE_UNKNOWN).astype(np.int8)
 
 
-def qualities(array: Any, tally: Tally) -> NDArray[np.uint8]:
+def _number_text(text: str) -> str:
+    """Return a number's text without a fraction of zeros: ``16.0`` is ``16``."""
+    return text.removesuffix(".0")
+
+
+def qualities(array: Any, tally: Tally, scale: str = "") -> NDArray[np.uint8]:
     """Read the quality as an OPC code, from a code (OPC, OPC UA), a text or a bool; an empty cell is good.
 
     What is not good is kept in the tally, as it stood there.
+
+    Parameters
+    ----------
+    scale
+        Of numbers, where it is another than OPC's: a name of `QUALITY_SCALES`.
     """
     array = plain(array)
     if str(array.type) == "bool":
         array = array.cast("string")
     if not is_text(array):
         codes = numbers(array, Tally())
-        out = opc_quality(codes)
+        out = scaled_quality(codes, scale)
         for code, times in zip(*np.unique(codes[out < QUALITY_GOOD], return_counts=True), strict=True):
             tally.count_quality(f"{code:.15g}", int(times))
         return out
 
     def quality(text: str, times: int) -> int:
         code = quality_of(text)
+        if scale and text.strip().replace(".", "", 1).isdigit():
+            code = int(scaled_quality(np.array([float(text)]), scale)[0])
         if code < QUALITY_GOOD:
             tally.count_quality(text.strip(), times)
         return code

@@ -24,7 +24,7 @@ EXCEL_EPOCH_DAYS = 25_569
 """[days] from a spreadsheet's day 0, 1899-12-30, to 1970-01-01."""
 EXCEL_STEP_DAYS = 0.005
 """[days] (7 min) a spreadsheet's step is shorter; seconds that far from 0 come in steps of 1 s or more."""
-DAY_FIRST, MONTH_FIRST = "day/month/year", "month/day/year"
+DAY_FIRST, MONTH_FIRST, YEAR_FIRST = "day/month/year", "month/day/year", "year/month/day"
 _OLDEST_NS, _NEWEST_NS = int(OLDEST_S) * 10**9, int(NEWEST_S) * 10**9
 _INT64 = float(np.iinfo(np.int64).max)
 
@@ -41,6 +41,8 @@ class Clock:
     """Local time, to be read in the zone that the user names."""
     order: str = ""
     """Of day and month in a text with slashes: `DAY_FIRST` or `MONTH_FIRST`; empty for text that needs none."""
+    fields: bool = False
+    """Of a text: read field by field (`time_formats`), for it is none that a plain cast takes."""
     epoch: bool = True
     """Times of day: what lies before 1980 or after 2200 is not a time. False: seconds from some start."""
 

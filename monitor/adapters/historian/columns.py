@@ -6,17 +6,20 @@ Works on Arrow batches through their own methods, without the library.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.contract.entries import MODE_UNKNOWN
 from monitor.contract.samples import QUALITY_GOOD
 
 from .cells import codes_of, is_text, modes, numbers, order_of, plain, qualities, stamps, text_times
 from .clock import OLDEST_S, Clock, clock_of_numbers, numbers_to_ns, plausible
 from .layout import LONG, NEEDED, PER_LOOP, Layout, normal_name
 from .rows import HOLD_OP, HOLD_SP, Rows, Tally, join_rows
+from .time_formats import TextTimes, day_only, joined_texts, read_text_times
 
 
 def clock_of(first: Any, unit: str | None, zoned: Any, *, comma: bool) -> Clock:
@@ -47,6 +50,55 @@ def clock_of(first: Any, unit: str | None, zoned: Any, *, comma: bool) -> Clock:
     return Clock("text", naive=not aware[good][0], order=order, epoch=_of_day(ns[good]))
 
 
+def clock_of_texts(
+    first: Any, unit: str | None, zoned: Any, order: str, *, comma: bool, decided: bool = False
+) -> Clock | None:
+    """Tell the clock of a recognised file by its first times; None where day and month need more than these.
+
+    Parameters
+    ----------
+    order
+        Of day and month, where it is known.
+    decided
+        Whether ``order`` is final: empty then says that no date needs one.
+
+    Raises
+    ------
+    ValueError
+        They are no times, or their unit is ambiguous.
+    """
+    first = plain(first)
+    if not is_text(first):
+        return clock_of(first, unit, zoned, comma=comma)
+    values = numbers(first, Tally(), comma=comma)
+    times = TextTimes(first)
+    if np.isfinite(values).sum() * 2 >= len(values) and not times.year.any():
+        return clock_of_numbers(values, unit)
+    if times.open.any() and not order and not decided:
+        allowed = times.orders()
+        if len(allowed) != 1:
+            return None
+        order = allowed.pop()
+    ns, good, aware = read_text_times(first, order)
+    if not good.any():
+        shown = next((t for t in first.to_pylist() if t), "")
+        raise ValueError(
+            f"time: {shown[:40]!r}, expected a date and a time, e.g. 2026-11-22T10:00:00, or seconds"
+        )
+    naive = not aware[good][0]
+    plainly, fine, _ = text_times(first, zoned)
+    same = bool((fine == good).all() and (plainly == ns)[good].all() and not times.open.any())
+    return Clock("text", naive=naive, order=order, fields=not same, epoch=_of_day(ns[good]))
+
+
+def times_of(batch: Any, layout: Layout) -> Any:
+    """Return a batch's times; date and time of day are put together where they stand apart."""
+    time = batch.column(layout.time)
+    if not layout.clock:
+        return time
+    return joined_texts(day_only(plain(time)), plain(batch.column(layout.clock)))
+
+
 def sparse_of(head: Any, layout: Layout) -> frozenset[str]:
     """Tell by a file's first rows which set points and outputs are written only where they change.
 
@@ -68,6 +120,18 @@ def _of_day(ns: NDArray[np.int64]) -> bool:
     return len(ns) > 0 and bool(np.median(ns) >= OLDEST_S * 1e9)
 
 
+@dataclass(frozen=True, slots=True)
+class Meanings:
+    """What words and numbers of modes and qualities mean in a file."""
+
+    modes: Mapping[str, int] = field(default_factory=dict)
+    """What the user says of a mode, lower case: 1 automatic, 0 not."""
+    strange: int = MODE_UNKNOWN
+    """What a mode is whose word nobody knows."""
+    quality_scale: str = ""
+    """A name of `QUALITY_SCALES`; empty: OPC's."""
+
+
 class Taker:
     """Takes a file's batches apart into rows of loops."""
 
@@ -81,7 +145,9 @@ class Taker:
         *,
         comma: bool,
         sparse: frozenset[str] = frozenset(),
+        meanings: Meanings | None = None,
     ) -> None:
+        self.meanings = meanings or Meanings()
         self.layout, self.clock, self.wanted, self.tally = layout, clock, wanted, tally
         self.zoned, self.comma, self.sparse = zoned, comma, sparse
         self.codes: dict[str | None, int] = {}
@@ -99,7 +165,7 @@ class Taker:
             if len(code) and code.min() < 0:
                 keep = code >= 0
                 code, column = code[keep], {h: c.filter(keep) for h, c in column.items()}
-            time, good = self._time(column[layout.time])
+            time, good = self.times(column)
             yield self._rows(row, code, time, good, column, layout.columns[""])
             return
         parts = self._loops(row, len(batch), column)
@@ -109,7 +175,7 @@ class Taker:
     def _loops(self, row: int, n: int, column: dict[str, Any]) -> list[Rows]:
         """Take apart a batch whose headings name the loops."""
         layout, parts = self.layout, []
-        time, good = self._time(column[layout.time])
+        time, good = self.times(column)
         for name, roles in layout.columns.items():
             if name not in self.wanted:
                 continue
@@ -145,9 +211,13 @@ class Taker:
     ) -> Rows:
         tally, n = self.tally, len(code)
         sp, pv, op = (self._values(column, roles[role]) for role in NEEDED)
-        auto = modes(column[roles["auto"]], tally) if "auto" in roles else _constant(1, np.int8, n)
+        auto = (
+            modes(column[roles["auto"]], tally, self.meanings.modes, self.meanings.strange)
+            if "auto" in roles
+            else _constant(1, np.int8, n)
+        )
         quality = (
-            qualities(column[roles["quality"]], tally)
+            qualities(column[roles["quality"]], tally, self.meanings.quality_scale)
             if "quality" in roles
             else _constant(QUALITY_GOOD, np.uint8, n)
         )
@@ -169,13 +239,20 @@ class Taker:
             array = type(column[heading]).from_pandas(array)
         return numbers(array, self.tally, comma=self.comma)
 
-    def _time(self, array: Any) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        clock, array = self.clock, plain(array)
+    def times(self, column: Mapping[str, Any]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Read a batch's times: (N,) [ns], local where the clock is naive; (N,) whether each is one."""
+        clock, array = self.clock, plain(column[self.layout.time])
+        if self.layout.clock:
+            array = joined_texts(day_only(array), plain(column[self.layout.clock]))
         if clock.kind == "number":
             ns, good = numbers_to_ns(_time_numbers(array, comma=self.comma), clock)
         else:
             if clock.kind == "text":
-                ns, good, aware = text_times(array, self.zoned, clock.order)
+                ns, good, aware = (
+                    read_text_times(array, clock.order)
+                    if clock.fields
+                    else text_times(array, self.zoned, clock.order)
+                )
                 if (aware[good] == clock.naive).any():
                     raise ValueError("time: with and without zone mixed, expected one kind")
             else:

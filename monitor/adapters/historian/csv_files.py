@@ -12,9 +12,13 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from .clock import Clock
-from .layout import TIME_HEADINGS, layout_of
+from .layout import BoundsError, Layout, LoopTableFoundError, is_time_heading, layout_of
+from .look import Look
+from .mapping import NO_MAPPING, Mapping
+from .recognised import different_rows, documented_or_recognised, recognised
 from .rows import MOST_KEPT_LINES, Tally
 from .source import MOST_COLUMNS, MOST_LINE_BYTES, Source, headings_of, with_head
+from .table_head import MOST_HEAD_CELLS, MOST_HEAD_ROWS, Head, comma_of, separator_of, table_head
 
 BLOCK_BYTES = 1 << 20
 
@@ -23,18 +27,64 @@ BLOCK_BYTES = 1 << 20
 # CSV
 
 
-def inspect_csv(path: Path, name: str, names: Collection[str], unit: str | None, stat: Any) -> Source:
+def inspect_csv(
+    path: Path, name: str, names: Collection[str], unit: str | None, stat: Any, given: Mapping = NO_MAPPING
+) -> Source:
     """Look at a CSV file: headings, layout, clock; as `reader.inspect`."""
-    found, delimiter, encoding = csv_head(path)
-    if "name" in found and not set(TIME_HEADINGS) & {h.lower() for h in found}:
-        raise ValueError("a loop table, not data")
-    layout = layout_of(found, path, names)
-    source = Source(
-        path, name, stat.st_size, stat.st_mtime_ns, "csv", layout, Clock("text"),
-        headings=found, delimiter=delimiter, encoding=encoding,
-    )  # fmt: skip
-    first = next(csv_batches(source, headings_of(layout, None), lambda _: "skip"), None)
-    return with_head(source, None if first is None else first[1], unit)
+
+    def documented() -> Source:
+        found, delimiter, encoding = csv_head(path)
+        if "name" in found and not any(map(is_time_heading, found)) and "value" not in found:
+            raise LoopTableFoundError("a loop table, not data")
+        layout = layout_of(found, path, names)
+        source = Source(
+            path, name, stat.st_size, stat.st_mtime_ns, "csv", layout, Clock("text"),
+            headings=found, delimiter=delimiter, encoding=encoding,
+        )  # fmt: skip
+        first = next(csv_batches(source, headings_of(layout, None), lambda _: "skip"), None)
+        return with_head(source, None if first is None else first[1], unit)
+
+    def by_content() -> Source:
+        source, head = _with_table(path, name, stat, given)
+
+        def batches(headings: list[str]) -> Iterator[Any]:
+            return (batch for _, batch in csv_batches(source, headings, lambda _: "skip"))
+
+        look = Look(
+            path, head.headings, head.kinds, dict(zip(head.headings, head.cells, strict=True)),
+            lambda columns: different_rows(batches(list(columns)), columns), names, given,
+        )  # fmt: skip
+        return recognised(source, look, batches, unit)
+
+    return documented_or_recognised(documented, by_content, given)
+
+
+def _with_table(path: Path, name: str, stat: Any, given: Mapping) -> tuple[Source, Head]:
+    """Find the table in a CSV file: encoding, separator, rows above the data, decimal sign."""
+    with path.open("rb") as file:
+        raw = file.read(BLOCK_BYTES)
+    encoding = given.encoding or _encoding(raw)
+    text = (
+        raw.decode(encoding, errors="replace")
+        .removeprefix("\ufeff")
+        .replace("\r\n", "\n")
+        .replace("\r", "\n")
+    )
+    lines = text.split("\n")
+    lines = lines[: min(len(lines) - (len(raw) == BLOCK_BYTES), MOST_HEAD_ROWS)]
+    separator = given.separator or separator_of(lines)
+    width = max((line.count(separator) + 1 for line in lines), default=1)
+    if width > MOST_COLUMNS:
+        raise BoundsError(f"{width} columns, expected at most {MOST_COLUMNS}")
+    lines = lines[: max(20, min(MOST_HEAD_ROWS, MOST_HEAD_CELLS // width))]
+    rows = [next(csv.reader([line], delimiter=separator), []) for line in lines]
+    head = table_head(rows, given.head)
+    decimal = given.decimal or ("," if comma_of(head, separator) else ".")
+    return Source(
+        path, name, stat.st_size, stat.st_mtime_ns, "csv", Layout("", "", {}), Clock("text"),
+        headings=head.headings, delimiter=separator, encoding=encoding, skip=head.data, decimal=decimal,
+        modes=tuple(given.modes.items()), recognised=True,
+    ), head  # fmt: skip
 
 
 def csv_head(path: Path) -> tuple[tuple[str, ...], str, str]:
@@ -52,18 +102,23 @@ def csv_head(path: Path) -> tuple[tuple[str, ...], str, str]:
     encoding = _encoding(head)
     line, newline, _ = head.decode(encoding, errors="replace").removeprefix("\ufeff").partition("\n")
     if not newline and len(head) == MOST_LINE_BYTES:
-        raise ValueError(f"a line of more than {MOST_LINE_BYTES >> 20} MB")
+        raise BoundsError(f"a line of more than {MOST_LINE_BYTES >> 20} MB")
     line = line.rstrip("\r")
     delimiter = max(",;\t", key=line.count)
     if line.count(delimiter) >= MOST_COLUMNS:
-        raise ValueError(f"{line.count(delimiter) + 1} columns, expected at most {MOST_COLUMNS}")
+        raise BoundsError(f"{line.count(delimiter) + 1} columns, expected at most {MOST_COLUMNS}")
     return tuple(h.strip() for h in next(csv.reader([line], delimiter=delimiter), [])), delimiter, encoding
 
 
 def _encoding(head: bytes) -> str:
-    """UTF-16 by its mark; UTF-8; else one byte a character, as older historians write."""
+    """UTF-16 by its mark, or by a zero in every second byte; UTF-8; else one byte a character."""
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
+    odd, even = head[1:4096:2], head[0:4096:2]
+    if len(odd) > 8 and odd.count(0) * 2 > len(odd):
+        return "utf-16-le"
+    if len(even) > 8 and even.count(0) * 2 > len(even):
+        return "utf-16-be"
     try:
         codecs.getincrementaldecoder("utf8")().decode(head)
     except UnicodeDecodeError:
@@ -88,7 +143,11 @@ def csv_batches(
     reader = pa_csv.open_csv(
         source.path,
         read_options=pa_csv.ReadOptions(
-            column_names=ids, skip_rows=1, use_threads=threads, block_size=block, encoding=source.encoding
+            column_names=ids,
+            skip_rows=source.skip,
+            use_threads=threads,
+            block_size=block,
+            encoding=source.encoding,
         ),
         parse_options=pa_csv.ParseOptions(delimiter=source.delimiter, invalid_row_handler=on_bad_line),
         convert_options=pa_csv.ConvertOptions(

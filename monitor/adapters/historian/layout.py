@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +13,19 @@ NEEDED = ("sp", "pv", "op")
 ROLES = (*NEEDED, "auto", "quality")
 TIME_HEADINGS = ("time", "timestamp", "datetime", "date_time")
 """Accepted headings of the time column, the contract's first."""
-LONG, PER_LOOP, WIDE = "long", "per loop", "wide"
+_TIME_WORDS = frozenset(
+    "time timestamp datetime dateandtime date zeit zeitstempel datum datumzeit datumuhrzeit uhrzeit tstamp eventts ts "
+    "eventtime eventtimestamp localtime utctime utc timeutc timestamputc timelocal sampletime sourcetimestamp "
+    "recordtime logtime datetimestamp iptrendtime t epoch unixtime timems epochms zeitpunkt dt stamp readtime when "
+    "messzeit horodatage".split()
+)
+"""Headings of a time column as systems write them, lower case, without separators."""
+LOOP_WORDS = frozenset(
+    "loop asset loopname looptag controller controllername equipment regler kreis regelkreis name unit device block "
+    "instrument loopid assetname element module tag tagname".split()
+)
+"""Headings of the column of loops' names, likewise."""
+LONG, PER_LOOP, WIDE, TALL, TAGS = "long", "per loop", "wide", "tall", "per tag"
 EXPECTED = (
     "columns `loop, time, sp, pv, op` (long), `time, sp, pv, op` (one file per loop) "
     "or `time, <name>.SP, <name>.PV, <name>.OP` (wide)"
@@ -24,15 +37,64 @@ class Layout:
     """Where a file keeps its loops."""
 
     kind: str
-    """``long``, ``per loop`` or ``wide``."""
+    """``long``, ``per loop``, ``wide``, ``tall`` (a row per tag and time) or ``per tag`` (columns with times of
+    their own, joined over files)."""
     time: str
     """Heading of the time column."""
     columns: dict[str, dict[str, str]]
-    """Loop name to role (``sp, pv, op, auto, quality``) to heading; a long file has the one name ``""``."""
+    """Loop name to role (``sp, pv, op, auto, quality``) to heading, in a tall file to the tag; a long file has the one
+    name ``""``."""
     loop: str = ""
     """Heading of the column of names (long)."""
     incomplete: dict[str, str] = field(default_factory=dict)
     """Loops that cannot be read, and what they lack."""
+    clock: str = ""
+    """Heading of the time of day, where ``time`` is the date."""
+    tags: tuple[str, ...] = ()
+    """Headings whose cells together are the tag (tall): one, or the loop's and the role's."""
+    value: str = ""
+    """Heading of the values (tall)."""
+    quality: str = ""
+    """Heading of their qualities (tall, per tag); empty: none."""
+    stems: dict[str, str] = field(default_factory=dict)
+    """Loop name to the path by which its tags are called (tall, per tag)."""
+    times: dict[str, str] = field(default_factory=dict)
+    """Heading of a value to that of its own time (per tag), where not all have ``time``."""
+    unused: tuple[str, ...] = ()
+    """Columns, or tags, that are not used."""
+
+    @property
+    def joins(self) -> bool:
+        """Whether samples are joined from series of single tags."""
+        return self.kind in {TALL, TAGS}
+
+
+class LoopTableFoundError(ValueError):
+    """A file that is no data, but the table of its loops."""
+
+
+class BoundsError(ValueError):
+    """A file beyond the bounds, or with a heading that stands in it twice: it is not looked at further."""
+
+
+class NotUnderstoodError(ValueError):
+    """A file in which no export is recognised."""
+
+
+def heading_key(heading: str) -> str:
+    """Return a heading's letters and digits, lower case."""
+    return re.sub(r"[^a-z0-9äöüß]", "", re.sub(r"[\[(].*?[\])]", "", heading).lower())
+
+
+def is_time_heading(heading: str) -> bool:
+    """Whether a heading is one of a time column.
+
+    Examples
+    --------
+    >>> is_time_heading("Date-Time"), is_time_heading("t_stamp"), is_time_heading("LIC-101.PV")
+    (True, True, False)
+    """
+    return heading_key(heading) in _TIME_WORDS
 
 
 def layout_of(headings: Sequence[str], path: Path, names: Collection[str] = ()) -> Layout:
@@ -60,7 +122,10 @@ def layout_of(headings: Sequence[str], path: Path, names: Collection[str] = ()) 
     for heading in headings:
         key = heading.strip().lower()
         if key in by_key and (key in TIME_HEADINGS or key in ROLES or key == "loop" or "." in key):
-            raise ValueError(f"column {heading!r} stands in it twice")
+            twice = f"column {heading!r} stands in it twice"
+            # beside each tag there may be a time, or a quality, of its own
+            own = key in (*TIME_HEADINGS, "quality") and not _plain(headings)
+            raise NotUnderstoodError(twice) if own else BoundsError(twice)
         by_key.setdefault(key, heading)
     time = next((by_key[t] for t in TIME_HEADINGS if t in by_key), None)
     if time is not None:
@@ -70,6 +135,11 @@ def layout_of(headings: Sequence[str], path: Path, names: Collection[str] = ()) 
                 return found
     shown = ", ".join(h[:40] for h in list(headings)[:8]) + (", ..." if len(headings) > 8 else "")
     raise ValueError(f"columns {shown or '(none)'}, expected {EXPECTED}")
+
+
+def _plain(headings: Sequence[str]) -> bool:
+    """Whether roles stand there as headings by themselves."""
+    return set(NEEDED) <= {h.strip().lower() for h in headings}
 
 
 def normal_name(text: str) -> str:

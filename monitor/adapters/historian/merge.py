@@ -6,9 +6,11 @@ sorted first (`sorted_samples`), some loops at a time. Both give the same sample
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -17,13 +19,17 @@ from monitor.compiled import jit_nogil
 from monitor.contract.samples import Samples
 
 from .clock import MissingHourError, to_utc
-from .layout import LONG
+from .layout import LONG, TALL
 from .reader import read
 from .rows import HOLD_OP, HOLD_SP, Rows, Tally, UnusableError, join_rows
 from .source import Source
+from .tall import joined_rows, joined_series
+from .tall_store import TagStore
 
 MOST_SORTED_ROWS = 16_000_000
 """Rows sorted at a time, unless one loop alone has more: about 1.5 GB."""
+MOST_JOINED_VALUES = 10_000_000
+"""Values of single tags joined at a time, unless one loop alone has more: about 1 GB."""
 BATCH_ROWS = 1 << 18
 """Samples handed on at a time."""
 
@@ -153,7 +159,7 @@ def in_order(
     UnusableError
         A file is damaged.
     """
-    if any(needs_zone(s, span) for s in sources):
+    if any(needs_zone(s, span) or s.layout.joins for s in sources):
         raise OutOfOrderError  # the order tells the repeated hour's two passes apart: per file, per loop
     gate = _Gate(len(wanted), span, tally)
 
@@ -181,13 +187,47 @@ def sorted_samples(
         A file is damaged, or holds a local time that does not exist.
     """
     names = list(wanted)
-    rows = sum(rows_of(source, names) for source in sources)
-    parts = max(1, min(len(names), -(-rows // MOST_SORTED_ROWS)))
-    for k in range(parts):
-        some = {name: wanted[name] for name in names[k::parts]}
+    single = [source for source in sources if source.layout.joins]
+    rows = sum(rows_of(source, names) for source in sources if not source.layout.joins)
+    values = sum(source.size // 40 if source.rows is None else source.rows for source in single)
+    parts = max(1, min(len(names), max(-(-rows // MOST_SORTED_ROWS), -(-values // MOST_JOINED_VALUES))))
+    cut = [{name: wanted[name] for name in names[k::parts]} for k in range(parts)]
+    zones = {s.name: span.zone for s in single if needs_zone(s, span)}
+    with TemporaryDirectory(prefix="loopsight-", ignore_cleanup_errors=True) as folder:
+        store = TagStore(Path(folder), single, cut, tally) if single and parts > 1 else None
+        yield from _sorted_parts(sources, cut, span, tally, _joined(store, single, zones))
+    # every pass has seen the others' loops
+    tally.unknown -= set(wanted)
+
+
+def _joined(
+    store: TagStore | None, single: Sequence[Source], zones: Mapping[str, ZoneInfo | None]
+) -> Callable[[int, Mapping[str, int], Tally], Iterator[Rows]]:
+    """Return what joins the single tags of a part of the loops: from disk where they were put there."""
+
+    def joined(k: int, some: Mapping[str, int], tally: Tally) -> Iterator[Rows]:
+        if store is not None:
+            return joined_series(store.part(k), some, zones, tally)
+        return joined_rows(single, some, zones, tally) if single else iter(())
+
+    return joined
+
+
+def _sorted_parts(
+    sources: Sequence[Source],
+    cut: Sequence[Mapping[str, int]],
+    span: Span,
+    tally: Tally,
+    joined: Callable[[int, Mapping[str, int], Tally], Iterator[Rows]],
+) -> Iterator[Samples]:
+    wanted = {name: code for some in cut for name, code in some.items()}
+    for k, some in enumerate(cut):
         own = Tally()
         gate = _Gate(len(wanted), span, own)
-        batches = [b for source in sources for b in _localised(source, some, span, own)]
+        batches = [
+            b for source in sources if not source.layout.joins for b in _localised(source, some, span, own)
+        ]
+        batches += joined(k, some, own)
         if batches:
             everything = join_rows(batches)
             del batches
@@ -201,8 +241,6 @@ def sorted_samples(
                     yield samples
         _count_loops(gate, wanted)
         tally.add(own)
-    # every pass has seen the others' loops
-    tally.unknown -= set(wanted)
 
 
 def needs_zone(source: Source, span: Span) -> bool:
@@ -233,6 +271,12 @@ def _localised(source: Source, wanted: Mapping[str, int], span: Span, tally: Tal
 def rows_of(source: Source, names: Sequence[str]) -> int:
     """Estimate how many rows a file has of these loops; a CSV row takes 40 bytes or more."""
     rows = source.size // 40 if source.rows is None else source.rows
+    if source.layout.kind == TALL:  # three rows or more a sample; of the loops asked for, as a share
+        return (
+            rows
+            * sum(name in source.layout.columns for name in names)
+            // (3 * max(1, len(source.layout.columns)))
+        )
     return rows if source.layout.kind == LONG else rows * sum(name in source.layout.columns for name in names)
 
 

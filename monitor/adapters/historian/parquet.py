@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet as pq
 
+from .cell_kinds import NUMBER, decimal_comma
+from .cells import is_text, plain
 from .clock import Clock
-from .layout import LONG, Layout, layout_of
+from .layout import LONG, BoundsError, Layout, layout_of
+from .look import Look
+from .mapping import NO_MAPPING, Mapping
+from .recognised import different_rows, documented_or_recognised, recognised, texts_of
 from .source import BATCH_CELLS, HEAD_ROWS, MOST_COLUMNS, Source, headings_of, with_head
+from .table_head import MOST_HEAD_ROWS
 
 BUFFER_BYTES = 64 << 20
 """Read ahead of a Parquet file, over all columns."""
@@ -32,17 +39,60 @@ def open_parquet(path: Path, loop: str = "", columns: int = 1) -> Any:
     return pq.ParquetFile(path, read_dictionary=[loop] if loop else None, pre_buffer=False, buffer_size=piece)
 
 
-def inspect_parquet(path: Path, name: str, names: Collection[str], unit: str | None, stat: Any) -> Source:
+def inspect_parquet(
+    path: Path, name: str, names: Collection[str], unit: str | None, stat: Any, given: Mapping = NO_MAPPING
+) -> Source:
     """Look at a Parquet file: bounds, layout, clock; as `reader.inspect`."""
+    return documented_or_recognised(
+        lambda: _documented(path, name, names, unit, stat),
+        lambda: _by_content(path, name, names, unit, stat, given),
+        given,
+    )
+
+
+def _by_content(
+    path: Path, name: str, names: Collection[str], unit: str | None, stat: Any, given: Mapping
+) -> Source:
     file = open_parquet(path)
     meta = file.metadata
     if meta.num_columns > MOST_COLUMNS:
-        raise ValueError(f"{meta.num_columns} columns, expected at most {MOST_COLUMNS}")
+        raise BoundsError(f"{meta.num_columns} columns, expected at most {MOST_COLUMNS}")
+    headings = tuple(file.schema_arrow.names)
+    source = Source(
+        path, name, stat.st_size, stat.st_mtime_ns, "parquet", Layout("", "", {}), Clock("text"), meta.num_rows,
+        headings=headings, modes=tuple(given.modes.items()), recognised=True,
+    )  # fmt: skip
+    first = next(open_parquet(path, columns=len(headings)).iter_batches(MOST_HEAD_ROWS), None)
+    if first is None:
+        raise ValueError("no rows")
+    cells, kinds = texts_of(first)
+    commas = [
+        decimal_comma(cells[h]) for h in headings if kinds[h] == NUMBER and is_text(plain(first.column(h)))
+    ]
+    source = replace(source, decimal=given.decimal or ("," if True in commas else ""))
+
+    def batches(columns: list[str]) -> Iterator[Any]:
+        return (batch for _, batch in parquet_batches(source, columns, None))
+
+    def different(columns: tuple[str, ...]) -> list[tuple[str, ...]]:
+        return different_rows(batches(list(columns)), columns)
+
+    found = recognised(source, Look(path, headings, kinds, cells, different, names, given), batches, unit)
+    _bound(meta, found.layout, stat.st_size)
+    return found
+
+
+def _documented(path: Path, name: str, names: Collection[str], unit: str | None, stat: Any) -> Source:
+    file = open_parquet(path)
+    meta = file.metadata
+    if meta.num_columns > MOST_COLUMNS:
+        raise BoundsError(f"{meta.num_columns} columns, expected at most {MOST_COLUMNS}")
     layout = layout_of(file.schema_arrow.names, path, names)
     _bound(meta, layout, stat.st_size)
     source = Source(
-        path, name, stat.st_size, stat.st_mtime_ns, "parquet", layout, Clock("text"), meta.num_rows
-    )
+        path, name, stat.st_size, stat.st_mtime_ns, "parquet", layout, Clock("text"), meta.num_rows,
+        headings=tuple(file.schema_arrow.names),
+    )  # fmt: skip
     wanted = headings_of(layout, None)
     first = next(file.iter_batches(max(64, min(BATCH_CELLS // len(wanted), HEAD_ROWS)), columns=wanted), None)
     return with_head(source, first, unit)
@@ -59,7 +109,7 @@ def _bound(meta: Any, layout: Layout, size: int) -> None:
     wanted = headings_of(layout, None)
     decoded = meta.num_rows * 8 * len(wanted)
     if decoded > max(FREE_BYTES, MOST_RATIO * size):
-        raise ValueError(
+        raise BoundsError(
             f"{meta.num_rows} rows decode to {decoded / 1e6:.0f} MB, {decoded / size:.0f} times the file; "
             f"expected at most {MOST_RATIO} times"
         )
@@ -68,7 +118,7 @@ def _bound(meta: Any, layout: Layout, size: int) -> None:
         for c in range(group.num_columns):
             column = group.column(c)
             if column.path_in_schema in wanted and column.total_uncompressed_size > MOST_CHUNK_BYTES:
-                raise ValueError(f"column {column.path_in_schema!r} decodes to more than 2 GB a row group")
+                raise BoundsError(f"column {column.path_in_schema!r} decodes to more than 2 GB a row group")
 
 
 def parquet_batches(

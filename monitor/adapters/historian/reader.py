@@ -3,23 +3,34 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
+from collections.abc import Mapping as AnyMapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
+from monitor.contract.entries import MODE_UNKNOWN
+
 from .cells import codes_of
-from .columns import Taker
+from .columns import Meanings, Taker
 from .csv_files import bad_lines, csv_batches, csv_head, inspect_csv
+from .excel_files import excel_batches, inspect_excel
 from .layout import LONG, normal_name
+from .mapping import NO_MAPPING, Mapping
 from .parquet import inspect_parquet, open_parquet, parquet_batches
 from .rows import Rows, Tally, UnusableError
 from .source import MOST_LINE_BYTES, ZONED, Source, headings_of
 
 
-def inspect(path: Path, name: str = "", names: Collection[str] = (), unit: str | None = None) -> Source:
+def inspect(
+    path: Path,
+    name: str = "",
+    names: Collection[str] = (),
+    unit: str | None = None,
+    given: Mapping = NO_MAPPING,
+) -> Source:
     """Look at a file without reading it: format, layout, clock; check all bounds.
 
     Parameters
@@ -30,6 +41,8 @@ def inspect(path: Path, name: str = "", names: Collection[str] = (), unit: str |
         Names of the loop table.
     unit
         Unit of numeric times, where the user names it.
+    given
+        What the user says of the file.
 
     Raises
     ------
@@ -45,9 +58,13 @@ def inspect(path: Path, name: str = "", names: Collection[str] = (), unit: str |
         stat = path.stat()
         if stat.st_size == 0:
             raise UnusableError(name, "an empty file")
-        return look(path, name, names, unit, stat)
+        return look(path, name, names, unit, stat, given)
     except (ValueError, OSError, NotImplementedError, pa.ArrowException, csv.Error) as error:
         raise unusable(name, error) from None
+
+
+FOLDER_FORMATS = (".parquet", ".csv", ".tsv", ".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
+"""Formats that are looked for in folders; where none is there, text files are."""
 
 
 def headings(path: Path) -> tuple[str, ...]:
@@ -73,11 +90,17 @@ def unusable(name: str, error: BaseException) -> UnusableError:
     return UnusableError(name, line or type(error).__name__)
 
 
-FORMATS: dict[str, Callable[..., Source]] = {".parquet": inspect_parquet, ".csv": inspect_csv}
+FORMATS: dict[str, Callable[..., Source]] = {
+    ".parquet": inspect_parquet,
+    ".csv": inspect_csv,
+    ".txt": inspect_csv,
+    ".tsv": inspect_csv,
+    **dict.fromkeys((".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"), inspect_excel),
+}
 
 
 def read(
-    source: Source, wanted: Mapping[str, int], tally: Tally, groups: Collection[int] | None = None
+    source: Source, wanted: AnyMapping[str, int], tally: Tally, groups: Collection[int] | None = None
 ) -> Iterator[Rows]:
     """Read a file's rows of the loops asked for, in the file's order.
 
@@ -109,11 +132,7 @@ def read(
         return "skip"
 
     try:
-        batches = (
-            parquet_batches(source, headings, groups)
-            if source.format == "parquet"
-            else csv_batches(source, headings, lose)
-        )
+        batches = batches_of(source, headings, lose, groups)
         take = Taker(
             source.layout,
             source.clock,
@@ -122,6 +141,9 @@ def read(
             ZONED,
             comma=source.comma,
             sparse=source.sparse,
+            meanings=Meanings(
+                dict(source.modes), 0 if source.recognised else MODE_UNKNOWN, source.quality_scale
+            ),
         )
         for row, batch in batches:
             tally.file_rows[source.name] = row + len(batch)
@@ -131,6 +153,20 @@ def read(
             bad_lines(source, tally)
     except (ValueError, OSError, NotImplementedError, pa.ArrowException) as error:
         raise unusable(source.name, error) from None
+
+
+def batches_of(
+    source: Source,
+    headings: list[str],
+    on_bad_line: Callable[[Any], str] = lambda _: "skip",
+    groups: Collection[int] | None = None,
+) -> Iterator[tuple[int, Any]]:
+    """Read columns of a file of any format: (first row, batch)."""
+    if source.format == "parquet":
+        return parquet_batches(source, headings, groups)
+    if source.format == "excel":
+        return excel_batches(source, headings)
+    return csv_batches(source, headings, on_bad_line)
 
 
 def scan(source: Source) -> list[dict[str, int]]:
@@ -144,8 +180,8 @@ def scan(source: Source) -> list[dict[str, int]]:
     loop = source.layout.loop
     out: list[dict[str, int]] = []
     try:
-        if source.format == "csv":
-            out.append(_count(batch.column(0) for _, batch in csv_batches(source, [loop], lambda _: "skip")))
+        if source.format != "parquet":
+            out.append(_count(batch.column(0) for _, batch in batches_of(source, [loop])))
         else:
             file = open_parquet(source.path, loop)
             out += (

@@ -16,7 +16,7 @@ from tests.monitor.cli.check_tools import GOOD, check
         ("x.csv", "", "x.csv: an empty file"),
         ("x.csv", "a,b\n1,2\n", "columns a, b, expected columns `loop, time"),
         ("x.csv", "loop,time,sp,pv,op\n", "no rows"),
-        ("x.csv", "time,A.SP,A.PV\n1,2,3\n", "loop A: no column A.OP"),
+        ("x.csv", "time,A.SP,A.PV\n1,2,3\n", "loop A: no column or tag of its OP"),
         ("x.csv", "loop,time,sp,pv,op\n" + "n" * 300 + ",1,2,3,4\n", "at most 200 bytes"),
         ("x.csv", "name,ti\nA,-3\n", "x.csv:2: ti: '-3', expected seconds above 0"),
         ("x.csv", "name,objective\nA,fast\n", "x.csv:2: objective: 'fast', expected one of both, setpoint"),
@@ -24,7 +24,7 @@ from tests.monitor.cli.check_tools import GOOD, check
         ("x.toml", "reorder_window = -1\n", "x.toml"),
         ("x.toml", "[[loop]\n", "x.toml: "),
         ("x.parquet", "nonsense", "x.parquet: "),
-        ("x.txt", "nonsense", "suffix '.txt', expected .parquet or .csv"),
+        ("x.doc", "nonsense", "suffix '.doc', expected .parquet or .csv"),
     ],
 )
 def test_problems_are_exit_2(tmp_path: Path, name: str, text: str, problem: str) -> None:

@@ -65,7 +65,7 @@ def test_same_data_give_same_samples(tmp_path: Path, layout: str, suffix: str, t
         ("d.csv", b"loop,time,sp,pv,op\nx,noon,3,4,5\n", "time: 'noon', expected ISO text"),
         ("d.parquet", b"PAR1 this is none PAR1", ""),
         ("d.parquet", b"not a parquet file at all", ""),
-        ("d.txt", b"x", "suffix '.txt', expected .parquet or .csv"),
+        ("d.doc", b"x", "suffix '.doc', expected .parquet or .csv"),
         ("d.csv", b"x," * (MOST_COLUMNS + 1) + b"\n", f"{MOST_COLUMNS + 2} columns, expected at most"),
         ("d.csv", b"x" * (17 << 20), "a line of more than 16 MB"),
         ("d.csv", b"loop,time,sp,pv,op\nx,1,2,3," + b"4" * (17 << 20), "a line of more than 16 MB"),

@@ -7,17 +7,22 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, TypeVar, get_type_hints
 
+import msgspec
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from monitor.adapters.historian.source import ZONED
+from monitor.contract.evidence import Answers, Window
 from monitor.contract.records import TIMES, Assessment, LoopRow
 
 from .files import replacing, write_text
 
 EVENTS_FILE, LOOPS_FILE, LOOPS_CSV_FILE = "events.parquet", "loops.parquet", "loops.csv"
+EVIDENCE_FILE, ANSWERS_FILE = "evidence.parquet", "answers.parquet"
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
@@ -108,6 +113,7 @@ _TYPES = {
     "str": pa.string(),
     "list": pa.list_(pa.string()),
     "time": ZONED,
+    "floats": pa.list_(pa.float32()),
 }
 
 
@@ -117,8 +123,8 @@ def write_parquet(path: Path, columns: Mapping[str, tuple[str, Sequence[Any]]]) 
     Parameters
     ----------
     columns
-        Heading to (kind, values); kinds: ``float``, ``int``, ``str``, ``list`` (of texts), ``time``
-        [ns since 1970]; None = empty.
+        Heading to (kind, values); kinds: ``float``, ``int``, ``str``, ``list`` (of texts), ``floats`` (arrays),
+        ``time`` [ns since 1970]; None = empty.
 
     Raises
     ------
@@ -129,3 +135,133 @@ def write_parquet(path: Path, columns: Mapping[str, tuple[str, Sequence[Any]]]) 
     arrays = [pa.array(list(values), type=_TYPES[kind]) for kind, values in columns.values()]
     with replacing(path) as file:
         pq.write_table(pa.table(arrays, schema=schema), file, compression="zstd")
+
+
+def write_evidence(
+    out: Path, windows: Sequence[Window], answers: Sequence[Answers], *, seconds: bool
+) -> list[Path]:
+    """Write what an eye is shown: ``evidence.parquet`` (events) and ``answers.parquet`` (predicted responses).
+
+    Raises
+    ------
+    OSError
+        A file cannot be written.
+    """
+    onset = ("float", [w.onset / 1e9 for w in windows]) if seconds else ("time", [w.onset for w in windows])
+    columns: dict[str, tuple[str, list[Any]]] = {
+        **{name: ("str", [getattr(w, name) for w in windows]) for name in ("loop", "id")},
+        "onset": onset,
+        "time": ("floats", [_short((w.time - w.onset) * 1e-9) for w in windows]),
+        **{n: ("floats", [_short(getattr(w, n)) for w in windows]) for n in ("sp", "pv", "op", "model")},
+    }
+    write_parquet(out / EVIDENCE_FILE, columns)
+    curves = {n: [getattr(a, n) for a in answers] for n in ("today", "new")}
+    columns = {
+        **{name: ("str", [getattr(a, name) for a in answers]) for name in ("loop", "kind")},
+        "time": ("floats", [_short(a.time) for a in answers]),
+        **{f"{n}{end}": ("floats", [_short(c[k]) for c in curves[n]]) for n in curves for k, end in enumerate(_ENDS)},
+    }
+    write_parquet(out / ANSWERS_FILE, columns)
+    return [out / EVIDENCE_FILE, out / ANSWERS_FILE]
+
+
+_ENDS = ("", "_lo", "_hi")
+"""Of a response: by the model found, and the least and largest of all models."""
+
+
+def _short(values: NDArray[np.float64]) -> NDArray[np.float32]:
+    return np.asarray(values, dtype=np.float32)
+
+
+# ---------------------------------------------------------------------------------------------------
+# in
+
+
+def read_evidence(out: Path) -> tuple[list[Window], list[Answers]]:
+    """Return what `write_evidence` has written; nothing where an older audit has written none.
+
+    Raises
+    ------
+    OSError
+        A file cannot be read.
+    ValueError
+        It is no such table: one line that names it.
+    """
+    if not (out / EVIDENCE_FILE).exists() or not (out / ANSWERS_FILE).exists():
+        return [], []
+    events, curves = read_table(out / EVIDENCE_FILE), read_table(out / ANSWERS_FILE)
+    try:
+        windows = [
+            Window(loop=row["loop"], id=row["id"], onset=(onset := _ns(row["onset"])),
+                   time=onset + np.round(row["time"] * 1e9).astype(np.int64),
+                   sp=row["sp"], pv=row["pv"], op=row["op"], model=row["model"])
+            for row in _rows(events)
+        ]  # fmt: skip
+        answers = [
+            Answers(row["loop"], row["kind"], row["time"],
+                    *(np.stack([row[f"{n}{end}"] for end in _ENDS]) for n in ("today", "new")))
+            for row in _rows(curves)
+        ]  # fmt: skip
+    except KeyError as column:
+        raise ValueError(f"{out}: {EVIDENCE_FILE} and {ANSWERS_FILE}: no column {column}") from None
+    return windows, answers
+
+
+def _rows(table: Mapping[str, list[Any]]) -> list[dict[str, Any]]:
+    return [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
+
+
+def _ns(time: float) -> int:
+    """Return a time [ns since 1970] of a column that has those, or float seconds."""
+    return round(time * 1e9) if isinstance(time, float) else time
+
+Record = TypeVar("Record", Assessment, LoopRow)
+
+
+def read_records(path: Path, record: type[Record]) -> list[Record]:
+    """Return the records of a table that `write_tables` has written, in its order.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        It is no such table: one line that names the file and what is missing.
+    """
+    table = read_table(path)
+    known = {name: values for name, values in table.items() if name in record.__struct_fields__}
+    try:
+        return [msgspec.convert(_plain(row), record) for row in _rows(known)]
+    except msgspec.ValidationError as error:
+        raise ValueError(f"{path}: no table of an audit: {error}") from None
+
+
+def read_table(path: Path) -> dict[str, list[Any]]:
+    """Return a table's columns, times as integer nanoseconds since 1970, or as float seconds where it has those.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        It is no Parquet.
+    """
+    try:
+        table = pq.read_table(path)
+    except pa.ArrowInvalid as error:
+        raise ValueError(f"{path}: no Parquet file: {error}") from None
+    return {name: _values(table.column(name)) for name in table.column_names}
+
+
+def _values(column: pa.ChunkedArray) -> list[Any]:
+    if pa.types.is_timestamp(column.type):
+        return list(column.cast(pa.int64()).to_pylist())
+    if column.type == _TYPES["floats"]:
+        return [v.values.to_numpy().astype(np.float64) for v in column]
+    return list(column.to_pylist())
+
+
+def _plain(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row as a record takes it: times are integers, an empty text is one, other empty cells stay away."""
+    times = {n: _ns(row[n]) for n in TIMES if row.get(n) is not None}
+    return {**{n: v for n, v in row.items() if v is not None}, **times}

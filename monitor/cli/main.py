@@ -18,6 +18,7 @@ COMMANDS = {
     "demo": ("monitor.cli.demo:demo", "A simulated plant, the monitor and a Rerun view in one go."),
     "monitor": ("monitor.cli.monitor:monitor", "The long-running service."),
     "audit": ("monitor.cli.audit:audit", "Fleet audit of historian exports."),
+    "report": ("monitor.cli.report:report", "An audit's report.html, drawn again."),
     "tune": ("monitor.cli.tune:tune", "Settings by any tuning rule, with their robustness."),
     "view": ("monitor.cli.view:view", "Live or recorded visual inspection in Rerun."),
     "status": ("monitor.cli.status:status", "Ask running monitors how they are."),

@@ -46,6 +46,8 @@ NO_RISK = {
     INSTRUMENTS: "the loop is in manual meanwhile",
     TUNER: "none while nothing is typed in",
 }
+WORTH_A_WORD = 1.05
+"""Ratio of errors from which a loop that becomes slower is said to."""
 MANY_JOBS = 3
 """Loops with one remedy from which that is one job, of the historian say."""
 GROUPED = (HISTORIAN, "manual")
@@ -148,9 +150,7 @@ def _other(row: LoopRow, kind: str) -> Job | None:
 
 def _gain(row: LoopRow) -> float:
     """Return which share of the predicted error a retune takes away; the larger of both kinds of step."""
-    pairs = ((row.iae_setpoint, row.new_iae_setpoint), (row.iae_load, row.new_iae_load))
-    known = [1.0 - new / now for now, new in pairs if now and new is not None and math.isfinite(now)]
-    return max(known, default=0.0)
+    return max((1.0 - new / now for _, now, new in _errors(row)), default=0.0)
 
 
 def benefit_of(row: LoopRow) -> str:
@@ -159,24 +159,32 @@ def benefit_of(row: LoopRow) -> str:
     if "near_instability" in row.flags and row.ms is not None and row.new_ms is not None:
         today = f"{row.ms:.2f}" if math.isfinite(row.ms) else "unstable"
         said.append(f"safe again: Ms {today} → {row.new_ms:.2f}")
-    for name, now, new in (
-        ("a load step", row.iae_load, row.new_iae_load),
-        ("a set-point step", row.iae_setpoint, row.new_iae_setpoint),
-    ):
-        if now and new is not None and math.isfinite(now) and math.isfinite(new):
-            said.append(f"error after {name} {_change(new / now - 1.0)} ({now:.3g} → {new:.3g})")
+    said += [f"error after a {name} {_change(now, new)}" for name, now, new in _errors(row) if new < now]
     return "; ".join(said) or ("not known" if row.new_ci is None else f"index about {row.new_ci:.2f}")
 
 
-def _change(share: float) -> str:
-    return f"{'−' if share < 0 else '+'}{abs(share):.0%}"
+def _errors(row: LoopRow) -> list[tuple[str, float, float]]:
+    """Return the predicted errors, today and after the retune, that are known: kind of step, both."""
+    pairs = (
+        ("load step", row.iae_load, row.new_iae_load),
+        ("set-point step", row.iae_setpoint, row.new_iae_setpoint),
+    )
+    return [(n, a, b) for n, a, b in pairs if a and b is not None and math.isfinite(a) and math.isfinite(b)]
+
+
+def _change(now: float, new: float) -> str:
+    """Say how an error changes."""
+    times = f"{new / now:.2g} times" if new >= 2.0 * now else f"{'−' if new < now else '+'}{abs(new / now - 1):.0%}"
+    return f"{times} ({now:.3g} → {new:.3g})"
 
 
 def risk_of(row: LoopRow) -> str:
     """Say what a retune risks, by the worst model that the evidence allows."""
-    worst = "" if row.new_ms_worst is None else f"Ms at most {row.new_ms_worst:.2f} for all that the data allow"
+    worst = "low" if row.new_ms_worst is None else f"low: Ms at most {row.new_ms_worst:.2f} for all that the data allow"
     parts = "; a part of the way, the rest after an event confirms it" if (row.stages or "").count("kp") > 1 else ""
-    return f"low: {worst}{parts}; watch the next step, go back if it swings"
+    slower = [f"error after a {n} {_change(a, b)}" for n, a, b in _errors(row) if b > WORTH_A_WORD * a]
+    price = f"costs speed: {', '.join(slower)}; " if slower else ""
+    return f"{price}{worst}{parts}; watch the next step, go back if it swings"
 
 
 def _worth_of(row: LoopRow, flag: str) -> str:

@@ -29,7 +29,7 @@ SHOWN_JOBS, SHOWN_REMEDIES, SHOWN_NAMES = 10, 8, 6
 """On page one; all others are a click away."""
 MOST_SECTIONS = 1500
 """Loops whose evidence is inside: worst first; of the others the table has the row, and the files have all."""
-SHOWN_EVENTS = 12
+SHOWN_EVENTS = 8
 """Newest events in a section's table; `events.parquet` has all."""
 
 

@@ -135,7 +135,7 @@ function scaleOf(seconds) {
 const tick = (v) => Math.abs(v) >= 1e5 || (v !== 0 && Math.abs(v) < 1e-3) ? v.toExponential(1) : String(+v.toPrecision(6));
 function axes(xLabel, yLabel) {
   const common = { stroke: INK, grid: { stroke: GRID, width: 1 }, ticks: { stroke: GRID }, font: "11px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
-  return [{ ...common, label: xLabel, labelSize: xLabel ? 18 : 0, size: xLabel ? 26 : 20, values: (_, ticks) => ticks.map(tick) },
+  return [{ ...common, label: xLabel, labelSize: xLabel ? 18 : 0, size: xLabel ? 26 : 4, values: (_, ticks) => ticks.map(xLabel ? tick : () => "") },
     { ...common, label: yLabel, labelSize: 16, size: 52, values: (_, ticks) => ticks.map(tick) }];
 }
 function chart(holder, height, data, series, { xLabel = "", yLabel = "", bands, hooks, sync } = {}) {
@@ -191,7 +191,7 @@ function eventPlot(event) {
     const hooks = { drawClear: [(u) => span(u, 0, event.end / size)] };
     chart(holder, 200, [x, unpack(event.sp, count), unpack(event.pv, count), model],
       [{ stroke: SET, width: 1.5, dash: [6, 4], paths: stepped }, { stroke: DATA, width: 1.4 }, { stroke: MODEL, width: 1.8 }], { yLabel: "PV, SP", hooks, sync });
-    if (has) chart(holder, 80, [x, unpack(event.residual, count)], [{ stroke: DATA, width: 1 }], { yLabel: "PV − model", hooks: { ...hooks, drawAxes: [(u) => level(u, 0)] }, sync });
+    if (has) chart(holder, 90, [x, unpack(event.residual, count)], [{ stroke: DATA, width: 1 }], { yLabel: "PV−model", hooks: { ...hooks, drawAxes: [(u) => level(u, 0)] }, sync });
     chart(holder, 120, [x, unpack(event.op, count)], [{ stroke: OUT, width: 1.5, paths: stepped }], { xLabel: `from the onset on [${unit}]`, yLabel: "OP", hooks, sync });
   });
   return plot;

@@ -50,7 +50,9 @@ def step_curves(models: Process, settings: Settings, kind: str, time: Array) -> 
     """
     if kind not in {"setpoint", "load"}:
         raise ValueError(f"kind = {kind!r}: must be 'setpoint' or 'load'")
-    gain, dead_time, *lags = np.broadcast_arrays(*map(np.atleast_2d, (models.gain, models.dead_time, *models.lags)))
+    gain, dead_time, *lags = np.broadcast_arrays(
+        *map(np.atleast_2d, (models.gain, models.dead_time, *models.lags))
+    )
     if models.process == SELF_REGULATING:  # one without any lag would answer with a jump
         lags[0] = np.where(sum(lags) > 0, lags[0], np.maximum(dead_time, 1e-9) / 1000)
         models = SelfRegulatingModel(gain, dead_time, *lags)

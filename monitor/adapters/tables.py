@@ -18,18 +18,25 @@ from numpy.typing import NDArray
 from monitor.adapters.historian.source import ZONED
 from monitor.contract.evidence import Answers, Window
 from monitor.contract.records import TIMES, Assessment, LoopRow
+from monitor.contract.times import iso
 
 from .files import replacing, write_text
+from .workbook import Sheet, write_workbook
 
 EVENTS_FILE, LOOPS_FILE, LOOPS_CSV_FILE = "events.parquet", "loops.parquet", "loops.csv"
 EVIDENCE_FILE, ANSWERS_FILE = "evidence.parquet", "answers.parquet"
+WORKBOOK_FILE = "loops.xlsx"
+MOST_SHEET_EVENTS = 20_000
+"""Events in the workbook, the newest: a sheet of more opens slowly, and takes longer to write than to find out."""
+WHOLE_FROM = 1e6
+"""From here on a number is told to the unit: a time, say."""
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def write_tables(
     out: Path, events: Sequence[Assessment], loops: Sequence[LoopRow], *, seconds: bool
 ) -> list[Path]:
-    """Write all three tables; the same records give the same bytes.
+    """Write the tables of loops and events; the same records give the same bytes.
 
     Parameters
     ----------
@@ -49,7 +56,34 @@ def write_tables(
     write_parquet(out / EVENTS_FILE, columns(Assessment, events, seconds=seconds))
     write_parquet(out / LOOPS_FILE, columns(LoopRow, loops, seconds=seconds))
     write_text(out / LOOPS_CSV_FILE, loops_csv(loops))
-    return [out / LOOPS_CSV_FILE, out / LOOPS_FILE, out / EVENTS_FILE]
+    write_workbook(out / WORKBOOK_FILE, _sheets(events, loops))
+    return [out / LOOPS_CSV_FILE, out / WORKBOOK_FILE, out / LOOPS_FILE, out / EVENTS_FILE]
+
+
+def _sheets(events: Sequence[Assessment], loops: Sequence[LoopRow]) -> list[Sheet]:
+    """Return the sheets of ``loops.xlsx``, for the eye: times as text, today's settings beside the new ones."""
+    cells = by_eye(columns(LoopRow, loops, seconds=True))
+    newest = sorted(
+        sorted(events, key=lambda e: e.start)[-MOST_SHEET_EVENTS:], key=lambda e: (e.loop, e.start)
+    )
+    told = columns(Assessment, newest, seconds=False)
+    for name in TIMES:
+        told[name] = "str", [iso(time, "ms") for time in told[name][1]]
+    left = len(events) - len(newest)
+    note = f"the newest {len(newest)} of {len(events)} events; {EVENTS_FILE} has all" if left else ""
+    return [
+        Sheet("loops", {name: values for name, (_, values) in cells.items()}),
+        Sheet("events", {name: values for name, (_, values) in told.items()}, note),
+    ]
+
+
+def by_eye(table: Mapping[str, tuple[str, list[Any]]]) -> dict[str, tuple[str, list[Any]]]:
+    """Return columns in the order of a reader: today's settings beside those to be typed in."""
+    moved = {name: f"new_{name}" for name in ("kp", "ti", "td", "tf", "fields")}
+    order = [name for name in table if name not in moved]
+    for name, new in moved.items():
+        order.insert(order.index(new), name)
+    return {name: table[name] for name in order}
 
 
 def columns(
@@ -82,12 +116,14 @@ def _kind(hint: str) -> str:
 def loops_csv(loops: Sequence[LoopRow]) -> str:
     """Return ``loops.csv``: flags joined by ``;``, an empty cell for what is not known, ``inf`` as such.
 
+    Floats have six significant digits (``loops.parquet`` has all), today's settings stand beside the new ones.
+
     A text that a spreadsheet would run as a formula (it begins with = + - @ or a tab) has an apostrophe
     before it; ``loops.parquet`` holds it as it is.
     """
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
-    table = columns(LoopRow, loops, seconds=True)
+    table = by_eye(columns(LoopRow, loops, seconds=True))
     writer.writerow(table)
     for cells in zip(*(values for _, values in table.values()), strict=True):
         writer.writerow([_cell(c) for c in cells])
@@ -101,7 +137,9 @@ def _cell(value: Any) -> str:
         value = ";".join(value)
     if isinstance(value, str):
         return "'" + value if value.startswith(_FORMULA) else value
-    return repr(value)
+    if isinstance(value, float) and abs(value) < WHOLE_FROM:
+        return f"{value:.6g}"
+    return f"{value:.0f}" if isinstance(value, float) and math.isfinite(value) else repr(value)
 
 
 # ---------------------------------------------------------------------------------------------------
@@ -151,7 +189,7 @@ def write_evidence(
     columns: dict[str, tuple[str, list[Any]]] = {
         **{name: ("str", [getattr(w, name) for w in windows]) for name in ("loop", "id")},
         "onset": onset,
-        "time": ("floats", [_short((w.time - w.onset) * 1e-9) for w in windows]),
+        "time": ("floats", [_short(np.asarray(w.time - w.onset, dtype=np.float64) * 1e-9) for w in windows]),
         **{n: ("floats", [_short(getattr(w, n)) for w in windows]) for n in ("sp", "pv", "op", "model")},
     }
     write_parquet(out / EVIDENCE_FILE, columns)
@@ -159,7 +197,11 @@ def write_evidence(
     columns = {
         **{name: ("str", [getattr(a, name) for a in answers]) for name in ("loop", "kind")},
         "time": ("floats", [_short(a.time) for a in answers]),
-        **{f"{n}{end}": ("floats", [_short(c[k]) for c in curves[n]]) for n in curves for k, end in enumerate(_ENDS)},
+        **{
+            f"{n}{end}": ("floats", [_short(c[k]) for c in curves[n]])
+            for n in curves
+            for k, end in enumerate(_ENDS)
+        },
     }
     write_parquet(out / ANSWERS_FILE, columns)
     return [out / EVIDENCE_FILE, out / ANSWERS_FILE]
@@ -214,6 +256,7 @@ def _rows(table: Mapping[str, list[Any]]) -> list[dict[str, Any]]:
 def _ns(time: float) -> int:
     """Return a time [ns since 1970] of a column that has those, or float seconds."""
     return round(time * 1e9) if isinstance(time, float) else time
+
 
 Record = TypeVar("Record", Assessment, LoopRow)
 

@@ -105,7 +105,8 @@ def _at(models: Model, rows: list[int]) -> Model:
     """Return some of the models, fields (M, 1)."""
     size = np.broadcast(models.gain, models.dead_time, *models.lags).size
     gain, dead_time, *lags = (
-        np.broadcast_to(np.ravel(x), size)[rows][:, np.newaxis] for x in (models.gain, models.dead_time, *models.lags)
+        np.broadcast_to(np.ravel(x), size)[rows][:, np.newaxis]
+        for x in (models.gain, models.dead_time, *models.lags)
     )
     if isinstance(models, IntegratingModel):
         return IntegratingModel(gain, dead_time, *lags)

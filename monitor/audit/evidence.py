@@ -6,12 +6,13 @@ Memory stays bounded, whatever the length of the record: a few events of a few h
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 
 import msgspec
 import numpy as np
 
 from monitor.contract.evidence import Answers, Window
-from monitor.contract.records import DISTURBANCE, GOOD, NOT_ASSESSED, Assessment, LoopRow
+from monitor.contract.records import DISTURBANCE, GOOD, NOT_ASSESSED, LoopRow
 from monitor.contract.samples import Array
 
 MOST_WITH_MODEL, MOST_WITHOUT = 3, 1
@@ -89,7 +90,7 @@ class Keeper:
 def thinned(window: Window) -> Kept:
     """Return a window with at most `MOST_POINTS` points: of each run of samples the least and the largest PV stay.
 
-    So neither a spike nor the swing of a fast oscillation is lost, which every tenth sample would make into another one.
+    So neither a spike nor the swing of a fast oscillation is lost, which every tenth sample would make another one.
     """
     rows = _rows(window.pv, window.sp)
     seconds = (window.time - window.onset)[rows] * 1e-9
@@ -105,7 +106,7 @@ def _rows(pv: Array, sp: Array) -> np.ndarray:
     runs = (MOST_POINTS - 2) // 2
     edges = np.linspace(0, n, runs + 1).astype(np.int64)
     seen = np.where(np.isfinite(pv), pv, 0.0)
-    extremes = [a + k for a, b in zip(edges[:-1], edges[1:], strict=True) for k in (seen[a:b].argmin(), seen[a:b].argmax())]
+    extremes = [a + k for a, b in pairwise(edges) for k in (seen[a:b].argmin(), seen[a:b].argmax())]
     moves = np.flatnonzero(np.diff(sp) != 0)[:2]
     return np.unique([0, n - 1, *extremes, *moves, *(moves + 1)])
 
@@ -113,8 +114,6 @@ def _rows(pv: Array, sp: Array) -> np.ndarray:
 def curves_of(answers: Iterable[Answers]) -> list[Curves]:
     """Return answers as a part stores them."""
     return [Curves(a.loop, a.kind, packed(a.time), packed(a.today), packed(a.new)) for a in answers]
-
-
 
 
 def windows_of(kept: Iterable[Kept]) -> list[Window]:

@@ -135,8 +135,12 @@ class Audit:
         rows = sorted(cycling_together([r for p in self.parts for r in silence.rows(p)]), key=worst_first)
         self.out.mkdir(parents=True, exist_ok=True)
         files = write_tables(self.out, events, rows, seconds=seconds)
-        windows = sorted((w for p in self.parts for w in windows_of(p.windows)), key=lambda w: (w.loop, w.onset, w.id))
-        answers = sorted((a for p in self.parts for a in answers_of(p.answers)), key=lambda a: (a.loop, a.kind))
+        windows = sorted(
+            (w for p in self.parts for w in windows_of(p.windows)), key=lambda w: (w.loop, w.onset, w.id)
+        )
+        answers = sorted(
+            (a for p in self.parts for a in answers_of(p.answers)), key=lambda a: (a.loop, a.kind)
+        )
         files += write_evidence(self.out, windows, answers, seconds=seconds)
         counts = counted(tally, samples, len(events), rows)
         said_of_it = about(

@@ -174,14 +174,26 @@ def _errors(row: LoopRow) -> list[tuple[str, float, float]]:
 
 def _change(now: float, new: float) -> str:
     """Say how an error changes."""
-    times = f"{new / now:.2g} times" if new >= 2.0 * now else f"{'−' if new < now else '+'}{abs(new / now - 1):.0%}"
+    times = (
+        f"{new / now:.2g} times"
+        if new >= 2.0 * now
+        else f"{'−' if new < now else '+'}{abs(new / now - 1):.0%}"
+    )
     return f"{times} ({now:.3g} → {new:.3g})"
 
 
 def risk_of(row: LoopRow) -> str:
     """Say what a retune risks, by the worst model that the evidence allows."""
-    worst = "low" if row.new_ms_worst is None else f"low: Ms at most {row.new_ms_worst:.2f} for all that the data allow"
-    parts = "; a part of the way, the rest after an event confirms it" if (row.stages or "").count("kp") > 1 else ""
+    worst = (
+        "low"
+        if row.new_ms_worst is None
+        else f"low: Ms at most {row.new_ms_worst:.2f} for all that the data allow"
+    )
+    parts = (
+        "; a part of the way, the rest after an event confirms it"
+        if (row.stages or "").count("kp") > 1
+        else ""
+    )
     slower = [f"error after a {n} {_change(a, b)}" for n, a, b in _errors(row) if b > WORTH_A_WORD * a]
     price = f"costs speed: {', '.join(slower)}; " if slower else ""
     return f"{price}{worst}{parts}; watch the next step, go back if it swings"

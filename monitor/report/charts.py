@@ -20,6 +20,9 @@ from .words import clock, number, percent
 STEPS = 65534
 """Of a column; the last code, 65535, says that there is no value."""
 
+WORDS = {"setpoint": "set-point step", "load": "load step"}
+"""By kind of event."""
+
 Floats = NDArray[np.float64]
 
 
@@ -36,12 +39,12 @@ def charts_of(
 
 
 def _event(event: Assessment, window: Window) -> dict[str, Any]:
-    time = (window.time - window.onset) * 1e-9
+    time = np.asarray(window.time - window.onset, dtype=np.float64) * 1e-9
     unit = "OP" if event.kind == "load" else "PV"
     known = [("CI", number(event.ci)), ("fit", percent(event.fit)), ("method", event.method or "")]
     figures = ", ".join(f"{name} {value}" for name, value in known if value)
     return {
-        "title": f"{event.kind} of {number(event.amplitude)} {unit} at {clock(event.start)}",
+        "title": f"{WORDS.get(event.kind, event.kind)} of {number(event.amplitude)} [{unit}] at {clock(event.start)}",
         "note": f"{event.state}; {event.verdict}{'; ' + figures if figures else ''}",
         "end": round((event.end - window.onset) * 1e-9, 3),
         "t": pack(time),
@@ -58,7 +61,11 @@ def _answer(answer: Answers) -> dict[str, Any]:
     return {
         "kind": answer.kind,
         "t": pack(answer.time),
-        **{f"{n}{k}": pack(c) for n, three in curves.items() for k, c in zip(("", "_lo", "_hi"), three, strict=True)},
+        **{
+            f"{n}{k}": pack(c)
+            for n, three in curves.items()
+            for k, c in zip(("", "_lo", "_hi"), three, strict=True)
+        },
     }
 
 

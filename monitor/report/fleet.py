@@ -75,7 +75,9 @@ def _y(ms: float) -> float:
 
 def _labels(points: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Place names beside their points where they hide no other name and leave the picture nowhere; worst first."""
-    taken: list[tuple[float, float, float, float]] = [(p["x"] - 5, p["y"] - 5, p["x"] + 5, p["y"] + 5) for p in points]
+    taken: list[tuple[float, float, float, float]] = [
+        (p["x"] - 5, p["y"] - 5, p["x"] + 5, p["y"] + 5) for p in points
+    ]
     labels: list[dict[str, Any]] = []
     for k, point in enumerate(points):
         if len(labels) >= MOST_LABELS:
@@ -86,7 +88,9 @@ def _labels(points: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             x, y = point["x"] + dx, point["y"] + dy
             left = x - {"start": 0.0, "end": wide, "middle": wide / 2}[anchor]
             box = left, y - LINE_PX + 2, left + wide, y + 3
-            inside = box[0] >= LEFT and box[2] <= WIDTH - RIGHT and box[1] >= TOP and box[3] <= HEIGHT - BOTTOM
+            inside = (
+                box[0] >= LEFT and box[2] <= WIDTH - RIGHT and box[1] >= TOP and box[3] <= HEIGHT - BOTTOM
+            )
             others = (b for n, b in enumerate(taken) if n != k)
             if inside and not any(_overlap(box, other) for other in others):
                 taken.append(box)

@@ -1,4 +1,4 @@
-"""What a loop's section says: settings today, now and later, the model, health figures, events. Rows to plain tables."""
+"""What a loop's section says: settings today, now and later, model, health figures, events. Rows to plain tables."""
 
 from __future__ import annotations
 
@@ -16,7 +16,12 @@ from .words import number
 UNITS = {"kp": "OP/PV", "ti": "s", "td": "s", "tf": "s", "ki": "OP/(PV s)", "kd": "OP s/PV"}
 NOTES = ("note", "unavailable")
 """Keys of a faceplate that are remarks, not fields."""
-MODEL_WORDS = (("gain", "gain"), ("dead_time", "dead time"), ("lag", "lag"), ("t0", "lags and dead time together"))
+MODEL_WORDS = (
+    ("gain", "gain"),
+    ("dead_time", "dead time"),
+    ("lag", "lag"),
+    ("t0", "lags and dead time together"),
+)
 
 
 def section_of(row: LoopRow, events: Sequence[Assessment], job: Job | None) -> dict[str, Any]:
@@ -55,7 +60,9 @@ def _settings(row: LoopRow) -> dict[str, Any] | None:
     if today is None and not stages:
         return None
     heads = ["today"] * (today is not None) + ["type in now"] * bool(stages)
-    heads += [f"later, part {k + 2}" if k + 2 < len(stages) else "later, the aim" for k in range(len(stages) - 1)]
+    heads += [
+        f"later, part {k + 2}" if k + 2 < len(stages) else "later, the aim" for k in range(len(stages) - 1)
+    ]
     canonical = ([_parallel(today, stages)] if today is not None else []) + stages
     plates = [_loaded(row.fields)] * (today is not None) + _plates(row, len(stages))
     remarks = dict.fromkeys(str(p[n]) for p in plates if p for n in NOTES if p.get(n))
@@ -63,9 +70,7 @@ def _settings(row: LoopRow) -> dict[str, Any] | None:
         "heads": heads,
         "faceplate": _lines([{k: v for k, v in (p or {}).items() if k not in NOTES} for p in plates]),
         "form": row.form or "",
-        "canonical": [
-            (name, UNITS.get(name, ""), values) for name, values in _lines(canonical, ending=True)
-        ],
+        "canonical": [(name, UNITS.get(name, ""), values) for name, values in _lines(canonical, ending=True)],
         "remarks": list(remarks),
         "rollback": today is not None and bool(stages),
         "source": row.settings_source,
@@ -133,7 +138,9 @@ def _promises(row: LoopRow) -> list[tuple[str, str, str]]:
         ("CI after set-point steps, measured", row.ci_setpoint, None),
         ("CI after load steps, measured", row.ci_load, None),
     ]
-    return [(name, number(now), number(new)) for name, now, new in lines if now is not None or new is not None]
+    return [
+        (name, number(now), number(new)) for name, now, new in lines if now is not None or new is not None
+    ]
 
 
 def _health(row: LoopRow) -> list[tuple[str, str, str, str, str]]:

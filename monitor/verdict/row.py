@@ -132,7 +132,15 @@ def _seen(controller: Controller | None, form: str) -> Figures:
 
 
 FAULTS = {
-    *("stiction", "no_response", "stuck_pv", "mapping_suspect", "oscillating", "saturated", "settings_mismatch"),
+    *(
+        "stiction",
+        "no_response",
+        "stuck_pv",
+        "mapping_suspect",
+        "oscillating",
+        "saturated",
+        "settings_mismatch",
+    ),
     *("offset", "no_integral", "two_valued_op", "undersampled"),
 }
 """Flags that say what is wrong beside the tuning: a valve, a transmitter, a cycle from outside, the record."""

@@ -1,0 +1,49 @@
+"""A loop's section: settings today, now and later in faceplate fields and canonical units; what the data do not carry."""
+
+from __future__ import annotations
+
+import json
+import math
+
+from monitor.contract.figures import MEANINGS
+from monitor.contract.records import LoopRow
+from monitor.report.section import section_of
+
+from .tools import event, retune
+
+
+def test_settings_go_from_today_over_now_to_later() -> None:
+    settings = section_of(retune(), [], None)["settings"]
+    assert settings["heads"] == ["today", "type in now", "later, the aim"]
+    assert dict(settings["faceplate"]) == {"GAIN": ["0.75", "1.9", "2.8"], "RESET": ["300", "90", "80"]}
+    canonical = {name: (unit, values) for name, unit, values in settings["canonical"]}
+    assert canonical["kp"] == ("OP/PV", ["1.2", "3", "4.5"])
+    assert settings["remarks"] == ["series or not?"]
+    assert settings["rollback"]
+
+
+def test_no_integral_action_is_said_in_words() -> None:
+    row = retune(ti=math.inf, fields=None, new_fields=None, stage_fields=None)
+    settings = section_of(row, [], None)["settings"]
+    assert settings["faceplate"] == []
+    assert {n: v for n, _, v in settings["canonical"]}["ti"] == ["none", "90", "80"]
+
+
+def test_a_parallel_form_has_its_own_names_on_both_sides() -> None:
+    stages = json.dumps([{"kp": 3.0, "ki": 0.03, "kd": 0.0, "tf": 0.0}])
+    row = retune(fields=None, new_fields=None, stage_fields=None, stages=stages, form="parallel")
+    canonical = {n: v for n, _, v in section_of(row, [], None)["settings"]["canonical"]}
+    assert canonical["ki"] == ["0.004", "0.03"]
+
+
+def test_what_is_not_known_is_left_out() -> None:
+    section = section_of(LoopRow(loop="x"), [], None)
+    assert section["settings"] is None
+    assert section["model"] == section["promises"] == section["health"] == []
+
+
+def test_each_health_figure_comes_with_its_meaning_and_what_to_do() -> None:
+    row = retune(**dict.fromkeys(MEANINGS, 0.5))
+    assert len(section_of(row, [event("LIC-101")], None)["health"]) == len(MEANINGS)
+    for name, value, unit, says, do in section_of(row, [], None)["health"]:
+        assert (value, MEANINGS[name.replace(" ", "_")]) == ("0.5", (unit, says, do))

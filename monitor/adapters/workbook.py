@@ -65,7 +65,7 @@ def _fill(page: Any, sheet: Sheet, head: Any) -> None:
         top = 1
     rows = 0
     for k, (name, values) in enumerate(sheet.columns.items()):
-        page.write_string(top, k, name, head)
+        page.write_string(top, k, visible(name), head)
         shown = [_cell(v) for v in values]
         rows = len(shown)
         for n, value in enumerate(shown, start=top + 1):

@@ -141,9 +141,9 @@ FAULTS = {
         "saturated",
         "settings_mismatch",
     ),
-    *("offset", "no_integral", "two_valued_op", "undersampled"),
+    *("offset", "no_integral"),
 }
-"""Flags that say what is wrong beside the tuning: a valve, a transmitter, a cycle from outside, the record."""
+"""Flags that say what is wrong in the plant beside the tuning: a valve, a transmitter, a cycle from outside."""
 
 
 def danger(row: LoopRow) -> int:

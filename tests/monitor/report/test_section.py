@@ -1,4 +1,4 @@
-"""A loop's section: settings today, now and later in faceplate fields and canonical units; what the data do not carry."""
+"""A loop's section: settings today, now and later in faceplate fields and canonical units; what is not known."""
 
 from __future__ import annotations
 

@@ -23,6 +23,11 @@ STEPS = 65534
 WORDS = {"setpoint": "set-point step", "load": "load step"}
 """By kind of event."""
 
+EVEN_SHARE = 0.02
+"""Of a step, by which points at even steps may be off: less than a pixel, and what float32 leaves."""
+MOST_STEPS = 40
+"""Changes of a column up to which naming them is shorter than all of its values."""
+
 Floats = NDArray[np.float64]
 
 
@@ -47,12 +52,11 @@ def _event(event: Assessment, window: Window) -> dict[str, Any]:
         "title": f"{WORDS.get(event.kind, event.kind)} of {number(event.amplitude)} [{unit}] at {clock(event.start)}",
         "note": f"{event.state}; {event.verdict}{'; ' + figures if figures else ''}",
         "end": round((event.end - window.onset) * 1e-9, 3),
-        "t": pack(time),
-        "sp": pack(window.sp),
+        "t": pack_even(time),
+        "sp": pack_steps(window.sp),
         "pv": pack(window.pv),
         "op": pack(window.op),
         "model": pack(window.model),
-        "residual": pack(window.pv - window.model),
     }
 
 
@@ -60,7 +64,7 @@ def _answer(answer: Answers) -> dict[str, Any]:
     curves = {"today": answer.today, "new": answer.new}
     return {
         "kind": answer.kind,
-        "t": pack(answer.time),
+        "t": pack_even(answer.time),
         **{
             f"{n}{k}": pack(c)
             for n, three in curves.items()
@@ -88,6 +92,35 @@ def pack(values: Floats) -> list[Any]:
     scaled = np.rint((values - low) / step)
     codes[np.isfinite(values)] = np.clip(scaled[np.isfinite(values)], 0, STEPS).astype("<u2")
     return [_short(low), step, base64.b64encode(codes.tobytes()).decode()]
+
+
+def pack_even(values: Floats) -> list[Any]:
+    """Return ``[first, step, number, 0]`` for values at even steps, else as `pack`.
+
+    Examples
+    --------
+    >>> pack_even(np.arange(0.0, 5.0, 0.5))
+    [0.0, 0.5, 10, 0]
+    """
+    if len(values) > 2:
+        step = (values[-1] - values[0]) / (len(values) - 1)
+        if np.abs(values - values[0] - step * np.arange(len(values))).max() <= EVEN_SHARE * abs(step):
+            return [_short(float(values[0])), _short(float(step)), len(values), 0]
+    return pack(values)
+
+
+def pack_steps(values: Floats) -> list[Any]:
+    """Return ``[[row, value], ...]`` of a column that changes seldom, each value from its row on; else as `pack`.
+
+    Examples
+    --------
+    >>> pack_steps(np.array([1.0, 1.0, 2.0, 2.0]))
+    [[0, 1.0], [2, 2.0]]
+    """
+    changes = np.flatnonzero(np.diff(values) != 0) + 1
+    if not len(values) or len(changes) > MOST_STEPS or not np.isfinite(values).all():
+        return pack(values)
+    return [[int(k), _short(float(values[k]))] for k in (0, *changes)]
 
 
 def _short(value: float) -> float:

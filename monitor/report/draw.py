@@ -14,6 +14,7 @@ import jinja2
 from markupsafe import Markup
 
 from monitor.contract.evidence import Answers, Window
+from monitor.contract.figures import MEANINGS
 from monitor.contract.records import Assessment, LoopRow
 from monitor.contract.summary import KINDS, Summary
 from monitor.contract.text import visible
@@ -21,14 +22,17 @@ from monitor.contract.text import visible
 from .charts import charts_of
 from .fleet import fleet_of
 from .looks import LOOKS
-from .section import section_of
+from .section import health_of, section_of
 from .words import clock, facts_of, first_clauses, number, percent
 
 HERE = Path(__file__).parent
-SHOWN_JOBS, SHOWN_REMEDIES, SHOWN_NAMES = 10, 8, 6
-"""On page one; all others are a click away."""
-MOST_SECTIONS = 1500
-"""Loops whose evidence is inside: worst first; of the others the table has the row, and the files have all."""
+SHOWN_JOBS, LISTED_JOBS, SHOWN_REMEDIES, SHOWN_NAMES = 10, 100, 8, 6
+"""On page one; jobs that are listed a click away, of which all others follow in the table of loops; and so on."""
+MOST_WITH_CHARTS = 800
+"""Loops whose evidence is inside, the worst: some 15 kB each, so that a page of any fleet opens in 3 s. The section of
+any other flagged loop has its words and settings, and the files have all."""
+SECTIONS_WITH_ALL, ALL_WINDOWS, FEW_WINDOWS = 300, 4, 2
+"""Worst loops of which all kept windows are inside, how many these are, and how many of the others, the newest."""
 SHOWN_EVENTS = 8
 """Newest events in a section's table; `events.parquet` has all."""
 
@@ -60,14 +64,17 @@ def draw(contents: Contents) -> str:
         kinds=[(kind, LOOKS[kind]) for kind in KINDS],
         looks=LOOKS,
         jobs=summary.jobs[:SHOWN_JOBS],
-        more_jobs=summary.jobs[SHOWN_JOBS:],
+        more_jobs=summary.jobs[SHOWN_JOBS:LISTED_JOBS],
+        unlisted_jobs=max(len(summary.jobs) - LISTED_JOBS, 0),
         remedies=summary.remedies[:SHOWN_REMEDIES],
         more_remedies=summary.remedies[SHOWN_REMEDIES:],
         shown_names=SHOWN_NAMES,
         fleet=fleet_of(rows, summary.kinds),
         n_loops=len(rows),
         n_sections=len(sections),
+        n_charts=min(len(sections), MOST_WITH_CHARTS),
         index=_json(index),
+        meanings=_json(MEANINGS),
         sections=[_json(section) for section in sections.values()],
         styles=[Markup(_asset(name)) for name in ("uPlot.min.css", "report.css")],  # noqa: S704 (our own files)
         scripts=[Markup(text) for text in (plot, script)],  # noqa: S704
@@ -109,7 +116,7 @@ def _sections(environment: jinja2.Environment, contents: Contents) -> dict[str, 
         answers.setdefault(answer.loop, []).append(answer)
     kinds = contents.summary.kinds
     jobs = {name: job for job in contents.summary.jobs for name in job.loops}
-    wanted = [r for r in contents.rows if r.loop in windows or kinds[r.loop] != "good"][:MOST_SECTIONS]
+    wanted = [r for r in contents.rows if r.loop in windows or kinds[r.loop] != "good"]
     found = {}
     for row in wanted:
         own = events.get(row.loop, [])
@@ -118,8 +125,12 @@ def _sections(environment: jinja2.Environment, contents: Contents) -> dict[str, 
             look=LOOKS[kinds[row.loop]],
             more_events=max(len(own) - SHOWN_EVENTS, 0),
         )
-        charts = charts_of(own, windows.get(row.loop, []), answers.get(row.loop, []))
-        found[row.loop] = {"html": html, **charts}
+        most = ALL_WINDOWS if len(found) < SECTIONS_WITH_ALL else FEW_WINDOWS
+        within = len(found) < MOST_WITH_CHARTS
+        shown = (windows.get(row.loop, [])[-most:], answers.get(row.loop, [])) if within else ([], [])
+        charts = charts_of(own, *shown)
+        lean = "\n".join(line for line in map(str.strip, html.splitlines()) if line)
+        found[row.loop] = {"html": lean, "health": health_of(row), **charts}
     return found
 
 

@@ -21,6 +21,8 @@ LETTER_PX, LINE_PX = 6.6, 12.0
 """Width of a letter of a label, and its height [px]."""
 MOST_LABELS = 60
 """Names in the picture; as far as they find room, the worst first. Of all others the pointer shows them."""
+MOST_SINGLE_POINTS = 1500
+"""Points from which the good loops are one path without names, so that the picture of any fleet is there at once."""
 _USUAL = Loop(name="usual")
 
 
@@ -44,7 +46,13 @@ def fleet_of(rows: Sequence[LoopRow], kinds: Mapping[str, str]) -> dict[str, Any
                 "events": row.events,
             }
         )
+    good = [p for p in points if p["kind"] == "good"]
+    crowd = ""
+    if len(points) > MOST_SINGLE_POINTS:
+        crowd = "".join(f"M{p['x']} {p['y']}h0" for p in good)
+        points = [p for p in points if p["kind"] != "good"]
     return {
+        "crowd": crowd,
         "width": WIDTH,
         "height": HEIGHT,
         "left": LEFT,

@@ -44,7 +44,6 @@ def section_of(row: LoopRow, events: Sequence[Assessment], job: Job | None) -> d
         "settings": _settings(row),
         "model": _model(row),
         "promises": _promises(row),
-        "health": _health(row),
         "events": events,
     }
 
@@ -143,10 +142,6 @@ def _promises(row: LoopRow) -> list[tuple[str, str, str]]:
     ]
 
 
-def _health(row: LoopRow) -> list[tuple[str, str, str, str, str]]:
-    """Return the health figures that the data carry: name, value, unit, what it says, what to do."""
-    return [
-        (name.replace("_", " "), number(getattr(row, name)), meaning.unit, meaning.says, meaning.do)
-        for name, meaning in MEANINGS.items()
-        if getattr(row, name) is not None
-    ]
+def health_of(row: LoopRow) -> list[tuple[str, str]]:
+    """Return the health figures that the data carry: name, value; what they mean stands once in the page."""
+    return [(name, number(getattr(row, name))) for name in MEANINGS if getattr(row, name) is not None]

@@ -78,7 +78,7 @@ def test_search_sort_and_filter(opened: Opened) -> None:
     assert opened.names() == ["FIC-2"]
     page.keyboard.press("Escape")
     page.click("#table [data-sort=name]")
-    assert opened.names() == sorted(row.loop for row in fleet())
+    assert opened.names() == ["AIC-5", "FIC-2", "LIC-6", "LIC-8", "LIC-101", "PIC-7", "TIC-3"]
     page.click("#table [data-sort=ms]")
     assert opened.names()[:3] == ["PIC-7", "LIC-8", "TIC-3"]  # the least robust first, the unknown last
     page.click(".tile[data-kind=manual]")
@@ -134,12 +134,12 @@ def test_five_thousand_loops_open_in_time(browser: Any, tmp_path: Path) -> None:
     ]
     found = Opened(browser, tmp_path / "report.html", rows, events=4)
     size = (tmp_path / "report.html").stat().st_size
-    print(f"5,000 loops, 1,500 with evidence: {size / 1e6:.1f} MB, ready after {found.seconds:.2f} s")
+    print(f"5,000 loops, 1,500 flagged, 800 with charts: {size / 1e6:.1f} MB, ready after {found.seconds:.2f} s")
     assert found.seconds < MOST_SECONDS
     began = time.perf_counter()
-    found.page.fill("#search", "LIC-1499")
-    assert found.names() == ["LIC-1499"]
+    found.page.fill("#search", "LIC-0799")
+    assert found.names() == ["LIC-0799"]
     found.page.click("#table .link")
-    found.page.wait_for_selector(".loop[aria-label='LIC-1499'] canvas")
+    found.page.wait_for_selector(".loop[aria-label='LIC-0799'] canvas")
     assert time.perf_counter() - began < MOST_SECONDS
     assert found.quiet(), (found.said[:3], found.asked[:3])

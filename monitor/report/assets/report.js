@@ -5,6 +5,7 @@ const $$ = (selector, root = document) => [...root.querySelectorAll(selector)];
 const [NAME, KIND, CI, MS, EVENTS, FLAGS, WHY, ACTION, HAS] = [0, 1, 2, 3, 4, 5, 6, 7, 8];
 const PAGE = 100, FIRST_OPEN = 3, MANY = 10, DAY = 86400;
 const INK = "#1b2430", DATA = "#0072b2", MODEL = "#d55e00", SET = "#5a6472", OUT = "#7b4f9d", GRID = "#e6eaee";
+const meanings = JSON.parse($("#meanings").textContent);
 const rows = JSON.parse($("#index").textContent);
 const blocks = $$("script.section");
 const sectionOf = new Map();  // row number -> its block
@@ -83,12 +84,27 @@ function show(n, { scroll = true } = {}) {
     section.setAttribute("aria-label", rows[n][NAME]);
     const after = $$(".loop").find((other) => Number(other.dataset.n) > n);
     $("#open").insertBefore(section, after ?? null);
+    condition($(".condition tbody", section), what.health);
     prepare(section, what);
   }
   if (scroll) { section.scrollIntoView({ block: "start" }); section.focus({ preventScroll: true }); }
 }
+function condition(body, figures) {
+  for (const [name, value] of figures) {
+    const tr = element("tr"), [unit, says, act] = meanings[name], cell = element("td", `${value} `, "value");
+    cell.append(element("small", unit));
+    tr.append(element("td", name.replaceAll("_", " ")), cell, element("td", says), element("td", act));
+    body.append(tr);
+  }
+}
 function unpack(column, count) {
   if (!column.length) return new Array(count).fill(null);
+  if (Array.isArray(column[0])) {  // a value from each row on
+    const values = new Array(count);
+    column.forEach(([row, value], k) => values.fill(value, row, column[k + 1]?.[0] ?? count));
+    return values;
+  }
+  if (column.length === 4) return Array.from({ length: column[2] }, (_, k) => column[0] + column[1] * k);  // even steps
   if (column.length === 1) return new Array(count).fill(column[0]);
   const [low, step, text] = column, bytes = atob(text), values = new Array(bytes.length / 2);
   for (let k = 0; k < values.length; k++) {
@@ -188,10 +204,11 @@ function eventPlot(event) {
   plot.append(key([["PV", DATA], ["SP", SET, "dash"], ...(has ? [["model", MODEL]] : []), ["OP", OUT], ["window, from the onset on", "#fff0b8", "area"]]), holder);
   later(holder, has ? 400 : 320, () => {
     const x = time.map((t) => t / size), sync = `e${number++}`;
+    const pv = unpack(event.pv, count), residual = pv.map((v, k) => v === null || model[k] === null ? null : v - model[k]);
     const hooks = { drawClear: [(u) => span(u, 0, event.end / size)] };
-    chart(holder, 200, [x, unpack(event.sp, count), unpack(event.pv, count), model],
+    chart(holder, 200, [x, unpack(event.sp, count), pv, model],
       [{ stroke: SET, width: 1.5, dash: [6, 4], paths: stepped }, { stroke: DATA, width: 1.4 }, { stroke: MODEL, width: 1.8 }], { yLabel: "PV, SP", hooks, sync });
-    if (has) chart(holder, 90, [x, unpack(event.residual, count)], [{ stroke: DATA, width: 1 }], { yLabel: "PV−model", hooks: { ...hooks, drawAxes: [(u) => level(u, 0)] }, sync });
+    if (has) chart(holder, 90, [x, residual], [{ stroke: DATA, width: 1 }], { yLabel: "PV−model", hooks: { ...hooks, drawAxes: [(u) => level(u, 0)] }, sync });
     chart(holder, 120, [x, unpack(event.op, count)], [{ stroke: OUT, width: 1.5, paths: stepped }], { xLabel: `from the onset on [${unit}]`, yLabel: "OP", hooks, sync });
   });
   return plot;

@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from monitor.report.charts import STEPS, charts_of, pack
+from monitor.report.charts import STEPS, charts_of, pack, pack_even, pack_steps
 
 from .tools import answers, event, window
 
@@ -43,9 +43,20 @@ def test_events_come_newest_first_and_answers_with_the_set_point_first() -> None
     assert [a["kind"] for a in charts["answers"]] == ["setpoint", "load"]
     assert charts["answers"][1]["today"] == []
     json.dumps(charts, allow_nan=False)
-    residual = unpacked(charts["events"][0]["residual"], 300)
+    newest = charts["events"][0]
+    residual = unpacked(newest["pv"], 300) - unpacked(newest["model"], 300)
     assert np.abs(residual).max() == pytest.approx(0.02, rel=0.01)
+    assert newest["t"] == [-60.0, 1.0, 300, 0]
+    assert newest["sp"] == [[0, 50.0], [60, 55.0]]
 
 
-def test_a_window_without_its_event_is_left_out() -> None:
+def test_a_window_without_its_newestis_left_out() -> None:
     assert charts_of([], [window("A")], [])["events"] == []
+
+
+def test_uneven_times_and_a_restless_set_point_are_packed_as_all_others() -> None:
+    rng = np.random.default_rng(2)
+    time, sp = np.cumsum(rng.uniform(0.5, 2.0, 90)), rng.normal(0.0, 1.0, 90)
+    assert np.abs(unpacked(pack_even(time), 90) - time).max() < 1e-2
+    assert np.abs(unpacked(pack_steps(sp), 90) - sp).max() < 1e-3
+    assert pack_steps(np.array([1.0, np.nan])) == pack(np.array([1.0, np.nan]))

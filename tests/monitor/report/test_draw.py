@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 
 import pytest
 
+from monitor.contract.figures import MEANINGS
 from monitor.report.draw import draw
 
 from .tools import contents, fleet, retune
@@ -74,6 +75,13 @@ def test_each_flagged_loop_has_its_section_and_its_charts() -> None:
         assert words in html[3], words
 
 
+def test_each_health_figure_has_its_meaning_once_in_the_page() -> None:
+    page = draw(contents())
+    text = re.search(r'id="meanings">(.*?)</script>', page, re.DOTALL)
+    assert text is not None
+    assert json.loads(text.group(1)) == {name: list(meaning) for name, meaning in MEANINGS.items()}
+
+
 def test_nothing_is_asked_of_the_network() -> None:
     page = draw(contents())
     for tag, attributes in elements(page):
@@ -107,3 +115,11 @@ def test_hostile_names_and_texts_are_shown_and_nothing_else(name: str) -> None:
 
 def test_a_fleet_without_anything_makes_a_page() -> None:
     assert "Nothing is to be done" in draw(contents([]))
+
+
+def test_jobs_that_are_not_listed_are_counted_and_their_loops_stand_in_the_table() -> None:
+    page = draw(contents([retune(f"LIC-{k}") for k in range(130)], events=0))
+    assert "30 more follow" in page
+    index = re.search(r'id="index">(.*?)</script>', page, re.DOTALL)
+    assert index is not None
+    assert [row[0] for row in json.loads(index.group(1))] == [f"LIC-{k}" for k in range(130)]

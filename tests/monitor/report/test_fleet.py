@@ -36,3 +36,14 @@ def test_names_hide_no_names_and_good_loops_have_none() -> None:
     assert 0 < len(labels) <= MOST_LABELS
     assert "fine" not in {label["name"] for label in labels}
     assert labels[0]["name"] == "LIC-0"  # the worst first
+
+
+def test_a_crowd_of_good_loops_is_one_path_and_the_flagged_stay_single() -> None:
+    rows = [
+        retune("bad"),
+        *(LoopRow(loop=f"{k}", verdict="good", ci_setpoint=0.9, ms=1.5) for k in range(2000)),
+    ]
+    found = fleet_of(rows, kinds(rows))
+    assert [p["loop"] for p in found["points"]] == ["bad"]
+    assert found["crowd"].count("M") == 2000
+    assert fleet_of(rows[:9], kinds(rows))["crowd"] == ""

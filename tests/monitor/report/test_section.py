@@ -7,9 +7,9 @@ import math
 
 from monitor.contract.figures import MEANINGS
 from monitor.contract.records import LoopRow
-from monitor.report.section import section_of
+from monitor.report.section import health_of, section_of
 
-from .tools import event, retune
+from .tools import retune
 
 
 def test_settings_go_from_today_over_now_to_later() -> None:
@@ -39,11 +39,10 @@ def test_a_parallel_form_has_its_own_names_on_both_sides() -> None:
 def test_what_is_not_known_is_left_out() -> None:
     section = section_of(LoopRow(loop="x"), [], None)
     assert section["settings"] is None
-    assert section["model"] == section["promises"] == section["health"] == []
+    assert section["model"] == section["promises"] == []
+    assert health_of(LoopRow(loop="x")) == []
 
 
-def test_each_health_figure_comes_with_its_meaning_and_what_to_do() -> None:
+def test_each_health_figure_that_is_known_is_shown() -> None:
     row = retune(**dict.fromkeys(MEANINGS, 0.5))
-    assert len(section_of(row, [event("LIC-101")], None)["health"]) == len(MEANINGS)
-    for name, value, unit, says, do in section_of(row, [], None)["health"]:
-        assert (value, MEANINGS[name.replace(" ", "_")]) == ("0.5", (unit, says, do))
+    assert health_of(row) == [(name, "0.5") for name in MEANINGS]

@@ -37,10 +37,10 @@ class Suggested:
     """JSON."""
     fields: str | None
     """The block's own fields, JSON; None where they cannot be given."""
-    stage_fields: str | None
-    """Of each stage, JSON; None where the block's fields are the form's own."""
     today: Figures
     """What is predicted of the settings of today: stays where the suggestion is withheld."""
+    stage_fields: str | None = None
+    """The block's fields for each stage, JSON; None where they are the form's own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ def suggested(loop: Loop, advice: Advice) -> Suggested:
     today = {} if advice.before is None else _predicted(advice.before)
     shown = [faceplate_of(loop, s) for s in advice.stages]
     each = None if None in shown else f"[{', '.join(map(str, shown))}]"
-    return Suggested(action, advice.rule, loop.form, figures, stages, fields, each, today)
+    return Suggested(action, advice.rule, loop.form, figures, stages, fields, today, each)
 
 
 def faceplate_of(loop: Loop, settings: Settings | None) -> str | None:

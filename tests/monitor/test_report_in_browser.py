@@ -134,7 +134,9 @@ def test_five_thousand_loops_open_in_time(browser: Any, tmp_path: Path) -> None:
     ]
     found = Opened(browser, tmp_path / "report.html", rows, events=4)
     size = (tmp_path / "report.html").stat().st_size
-    print(f"5,000 loops, 1,500 flagged, 800 with charts: {size / 1e6:.1f} MB, ready after {found.seconds:.2f} s")
+    print(
+        f"5,000 loops, 1,500 flagged, 800 with charts: {size / 1e6:.1f} MB, ready after {found.seconds:.2f} s"
+    )
     assert found.seconds < MOST_SECONDS
     began = time.perf_counter()
     found.page.fill("#search", "LIC-0799")

@@ -81,9 +81,13 @@ def way(limits: Limits, guards: Guards, aim: Settings, peaks: tuple[float, float
             if found is not None:
                 return _to(limits, point, found, aim, next(iter(reasons), ""))
             reasons.append(why or MS_ON_THE_WAY)
-    rolls = without_rolling(start, limits.region) != start
-    for reason, beside in ((MISFIT, _soft_points), (NEAR_THE_EDGE, _calmer_points), ("", _longer_points)):
-        for point in beside(start, aim, guards) if (reason in reasons if reason else rolls) else ():
+    damped = without_rolling(start, limits.region)
+    for reason, beside, to in (
+        ("", _longer_points, damped),
+        (MISFIT, _soft_points, aim),
+        (NEAR_THE_EDGE, _calmer_points, aim),
+    ):
+        for point in beside(start, to, guards) if (reason in reasons if reason else damped != start) else ():
             found = _safe(limits, point, aim, peaks)
             if found is not None:
                 return replace(_to(limits, point, found, aim, reason or reasons[0]), soft=reason == MISFIT)
@@ -97,9 +101,10 @@ def _calmer_points(start: Settings, _: Settings, guards: Guards) -> list[Setting
     return [p for p, why in zip(points, guards.refused(points), strict=True) if not why]
 
 
-def _longer_points(start: Settings, _: Settings, guards: Guards) -> list[Settings]:
-    """Return settings of today's gain and a longer integral time, the longest first: a loop that rolls asks for it."""
-    points = _distinct(start, (replace(start, ti=rounded(float(start.ti) * r)) for r in LONGER_RATIOS))
+def _longer_points(start: Settings, damped: Settings, guards: Guards) -> list[Settings]:
+    """Return settings of today's gain and a longer integral time: that of a well ``damped`` swing, then longer ones."""
+    longer = (replace(start, ti=rounded(float(start.ti) * ratio)) for ratio in LONGER_RATIOS)
+    points = _distinct(start, [damped, *longer])
     return [p for p, why in zip(points, guards.refused(points), strict=True) if not why]
 
 

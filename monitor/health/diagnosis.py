@@ -17,14 +17,14 @@ from .episodes import Episodes, LoopSpan, episodes_of, too_fast
 from .response import NoResponse, no_response_of
 from .tracking import Tracked, tracking_of, tracking_verdict
 from .two_valued import two_valued
-from .valve import Valve, ValveEvidence, merged, valve_evidence, valve_found
+from .valve import Valve, ValveEvidence, halved, merged, valve_evidence, valve_found
 
 Array = NDArray[np.float64]
 
 MOST_MOVES = 16
 """Moves of the set point that are kept."""
 ALL_BLOCKS, EVERY_BLOCKS = 16, 4
-"""Blocks of samples of which each is looked at, and from then on every so many: a share of the time is known by them."""
+"""Blocks of samples of which each is looked at, and from then on every so many: shares of the time need no more."""
 VALVE_BLOCKS, VALVE_RATIO = 8, 1.25
 """Blocks in which each the valve is looked for, which costs ten times as much, and from then on one whenever there are
 so many times more."""
@@ -78,7 +78,7 @@ class Signs:
     valve: Valve | None = None
     """The valve's dead band or stick-slip, where one is seen."""
     two_valued: float | None = None
-    """Share of the newest block at which OP has one of two values, where it has hardly another."""
+    """Share of samples at which OP has one of two values, where it has hardly another in most blocks."""
     silent: NoResponse | None = None
     """A stretch in which PV does not answer OP, of the newest block that shows one."""
     silent_since: int = 0
@@ -113,6 +113,8 @@ class Diagnosis:
     evidence: list[ValveEvidence | None] = field(default_factory=lambda: [None, None])
     """Of the valve, by level."""
     two_valued: float | None = None
+    two: float = 0.0
+    """Of the judged time, in blocks in which OP has two values [s]."""
     silent: NoResponse | None = None
     silent_since: int = 0
     silent_time: float = 0.0
@@ -146,7 +148,9 @@ class Diagnosis:
             self.rested += n * block.period if still else 0.0
             self.judged += n * block.period
             self.period = block.period
-            self.two_valued = two_valued(block.op)
+            two = two_valued(block.op)
+            self.two += n * block.period if two is not None else 0.0
+            self.two_valued = self.two_valued if two is None else two
             moves = tracking_of(block.sp, block.pv, block.period, _noise(block.pv))
             self.moves = (*self.moves, *moves)[-MOST_MOVES:]
             if self.judged > HALVED_S:
@@ -173,6 +177,8 @@ class Diagnosis:
         self.judged *= 0.5
         self.fast *= 0.5
         self.rested *= 0.5
+        self.two *= 0.5
+        self.evidence = [None if e is None else halved(e) for e in self.evidence]
         for episodes in self.episodes:
             episodes.decay()
 
@@ -184,7 +190,7 @@ class Diagnosis:
         valves = [v for e in self.evidence if e is not None and (v := valve_found(e)) is not None]
         return Signs(
             valve=max(valves, key=lambda v: v.strength, default=None),
-            two_valued=self.two_valued,
+            two_valued=self.two_valued if self.two > 0.5 * self.judged else None,
             oscillating_share=own.oscillating_share,
             oscillating=bool(own.oscillating),
             cycle_period=own.period,

@@ -47,6 +47,9 @@ UNIT_ERRORS = 10.0
 """Errors that the jump of SP must have."""
 UNIT_MOVE_SD = 3.0
 """Usual moves of OP (root mean square) that OP may make at it."""
+UNIT_SAMPLES = 20
+"""Samples after it at which OP must still be where it was: a loop too fast for its sampling holds another PV by another
+OP."""
 UNIT_CHANGES = 0.5
 """Such jumps, those of a month ago a quarter, from which on the unit counts as changed."""
 GLITCH_SIZES = 10.0
@@ -82,6 +85,8 @@ RUNNING: list[Any] = [
     ("step", "f8"),  # [PV] that move
     ("e_from", "f8"),  # [PV] error before it
     ("sp_to", "f8"),  # [PV] where it went
+    ("unit_wait", "i8"),  # samples until OP is looked at after a jump as of another unit
+    ("unit_op", "f8"),  # [OP] where it was before
 ]
 KEPT: list[Any] = [
     ("usual", "f8", (2, 3)),  # usual sizes of e, d [PV] and o [OP], of each sample and of means
@@ -112,6 +117,7 @@ def update(own, last, sp, pv, op):
             own.left += own.step * (e - own.e_from)
             own.step_squares += own.step * own.step
             own.steps += 1.0
+    _follow_unit(own, last, sp, pv, op)
     own.rested += 1
     if sp != last.sp:
         own.sp_moves += 1.0
@@ -120,8 +126,17 @@ def update(own, last, sp, pv, op):
             own.step, own.e_from, own.wait = sp - last.sp, before, ANSWER_SAMPLES
             own.sp_to = sp
         own.rested = 0
-        if pv != last.pv and _rescaled(own, last, sp, pv, o):
+
+
+@jit
+def _follow_unit(own, last, sp, pv, op):
+    """Count a jump of SP and PV as if their unit had changed, once OP has been seen to take no notice."""
+    if own.unit_wait > 0:
+        own.unit_wait -= 1
+        if own.unit_wait == 0 and _as_usual(own, op - own.unit_op):
             own.rescaled += 1.0
+    elif sp != last.sp and pv != last.pv and _rescaled(own, last, sp, pv, op - last.op):
+        own.unit_wait, own.unit_op = UNIT_SAMPLES, last.op
 
 
 @jit
@@ -177,14 +192,19 @@ def _rescaled(own, last, sp, pv, o):
     if last.sp == 0.0 or last.pv == 0.0:
         return False
     a, b = sp / last.sp, pv / last.pv
-    usual = own.products[EACH, 5] / own.samples
     return (
         a > 0.0
         and (a > UNIT_FACTOR or a < 1.0 / UNIT_FACTOR)
         and abs(a - b) < UNIT_SHARE * a
         and abs(a - 1.0) * abs(last.sp) > UNIT_ERRORS * abs(last.sp - last.pv)
-        and o * o <= UNIT_MOVE_SD * UNIT_MOVE_SD * usual
+        and _as_usual(own, o)
     )
+
+
+@jit
+def _as_usual(own, o):
+    """Whether OP moved no more than it does from sample to sample."""
+    return o * o <= UNIT_MOVE_SD * UNIT_MOVE_SD * own.products[EACH, 5] / own.samples
 
 
 @jit

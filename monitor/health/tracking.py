@@ -8,6 +8,7 @@ The limits are our own.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Literal
 
@@ -46,10 +47,14 @@ SMOOTHED_SAMPLES = 3
 """In the mean that overshoot is read from."""
 OVERSHOOT_SD = 1.5
 """Of PV's noise, that does not count as overshoot: the highest of some fifty such means."""
-OVERSHOOT_SHARE, LATE_SHARE = 0.15, 0.1
-"""Of the move: more overshoot than that is ringing; more than that left at its end is crawling."""
+OVERSHOOT_SHARE, RINGING_SHARE, LATE_SHARE = 0.15, 0.4, 0.1
+"""Of the move: more overshoot than the first is no tracking, than the second is ringing (a well tuned PI on an
+integrating process overshoots by 20 to 30 %); more than the last left at its end is crawling."""
 SURE_SD = 25.0
 """Size of a single move over the noise, at which it need not be confirmed by a second."""
+
+MOST_SHARE = 0.75
+"""Of the moves that can be judged, that must say the same: one in four may meet a load."""
 
 Verdict = Literal["tracks", "rings", "crawls"]
 
@@ -127,11 +132,14 @@ def tracking_verdict(moves: list[Tracked]) -> Verdict | None:
     moves : list of Tracked
         Of one record, or of several.
     """
-    # a move that is large enough, and over, and yet nothing of the three, speaks against all
+    # a move that is large enough, and over, and yet nothing of the three, has met a load, or speaks against all
     said = [m for m in moves if m.clear >= CLEAR_SD and m.late is not None]
-    if not said or any(m.verdict != said[0].verdict for m in said):
+    if not said:
         return None
-    return said[0].verdict if len(said) > 1 or said[0].clear >= SURE_SD else None
+    most, n = Counter(m.verdict for m in said).most_common(1)[0]
+    if most is None or n < MOST_SHARE * len(said):
+        return None
+    return most if n > 1 or said[0].clear >= SURE_SD else None
 
 
 class _Move:
@@ -157,8 +165,10 @@ class _Move:
         verdict: Verdict | None = None
         if clear < CLEAR_SD or late is None:
             verdict = None
-        elif over > OVERSHOOT_SHARE:
+        elif over > RINGING_SHARE:
             verdict = "rings"
+        elif over > OVERSHOOT_SHARE:
+            verdict = None
         elif late > LATE_SHARE:
             verdict = "crawls"
         elif fit >= LEAST_FIT and late >= -LATE_SHARE and delay + lag <= QUICK_SAMPLES:

@@ -23,8 +23,9 @@ LEAST_SPREAD_SD = 8.0
 """Range of OP over the spread of its moves, below which it does not move enough to tell a band from noise."""
 SMALLEST_RANGE_SHARE, SMALLEST_SD, LARGEST_RANGE_SHARE = 1.0 / 40.0, 2.0, 0.98
 """Smallest band tried, of OP's range, and in spreads of its moves; largest, of OP's range."""
-LARGEST_OP = 25.0
-"""Largest band tried [OP]: heaters that are switched full on and off else look like bands of 30 to 90 %."""
+LARGEST_OP = 15.0
+"""Largest band tried [OP]: heaters that are switched full on and off else look like bands of 30 to 90 %, an output that
+does nothing below its least value like one of 15 and more."""
 EDGE_SHARE = 0.005
 """Of OP's values at either end that are no part of its range."""
 LEAST_QUIET = 3e-3
@@ -45,7 +46,7 @@ ALTERNATIVES: tuple[dict[str, tuple[float, float]], ...] = (
     # few rests, in which OP passes the band slowly: PV is quiet, then follows; OP explains less by itself
     {
         "lr": (20.0, ANY), "lean": (8.0, ANY), "linear": (-ANY, 1.0), "gain": (-0.5, ANY), "ratio": (0.0, ANY),
-        "idle": (-ANY, 2.1), "share": (0.4, ANY), "quiet": (-ANY, -1.5), "reach": (-0.6, ANY), "samples": (-ANY, 4.0),
+        "idle": (-ANY, 2.1), "share": (0.4, ANY), "quiet": (-ANY, -1.2), "reach": (-0.6, ANY), "samples": (-ANY, 4.0),
         "speaking": (1.0, ANY),
     },
     # some rests, PV straight in each, a band that is sharp and seen at more than one level
@@ -74,7 +75,7 @@ SPEAKING_LR = 3.0
 """From which on a block counts among those that speak for a band."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class ValveEvidence:
     """What blocks of one loop say about each shape and band, at each level of averaging: sums, to be added."""
 
@@ -184,6 +185,16 @@ def merged(one: ValveEvidence, other: ValveEvidence) -> ValveEvidence:
         at = int(np.argmax(mass))
         first, fits, rests = first + at, fits[:, :, at : at + MOST_BANDS], rests[:, at : at + MOST_BANDS]
     return ValveEvidence(first, one.blocks + other.blocks, fits, rests)
+
+
+def halved(evidence: ValveEvidence) -> ValveEvidence:
+    """Return evidence that counts half, for what is old."""
+    return ValveEvidence(
+        evidence.first,
+        max(evidence.blocks // 2, 1),
+        np.float32(0.5) * evidence.fits,
+        np.float32(0.5) * evidence.rests,
+    )
 
 
 def figures_of(evidence: ValveEvidence) -> dict[str, NDArray[np.float64]]:

@@ -87,6 +87,8 @@ def compressed(health: Health, _tuning: Tuning, _loop: Loop) -> str:
 def coarse(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     if health.signs.too_fast:
         return "the error turns at nearly every sample: it swings faster than the sampling resolves"
+    if health.signs.tracks == "tracks":  # the closed loop's shape is seen
+        return ""
     return "sampled too coarsely to show how the loop moves" if health.undersampled else ""
 
 
@@ -143,6 +145,8 @@ def not_linear(_health: Health, tuning: Tuning, loop: Loop) -> str:
 
 def sticks(health: Health, _tuning: Tuning, loop: Loop) -> str:
     valve = health.signs.valve
+    if health.signs.two_valued is not None:
+        return ""
     if valve is not None and valve.strength > STICKS_INDEX:
         span, unit = (loop.op_span / 100.0, "%") if loop.op_span else (1.0, "[OP]")
         return (

@@ -24,6 +24,8 @@ from . import branches
 from .parts import Tuning
 from .routine import routine
 
+QUIET_SHARE = 0.05
+"""Of the judged time in episodes of oscillation, from which a loop that follows its set point is not called good."""
 REPEATED_LETTERS = 24
 """By which two findings that begin alike are one, with other figures."""
 WITHHOLDS, EXPLAINS, MARKS, WORDS = "withholds", "explains", "marks", "says"
@@ -81,6 +83,8 @@ def _tracking(health: Health, verdict: str, reason: str, action: str) -> tuple[s
     """Judge a loop that is too fast for its sampling by the way PV follows the set point; say it before the rest."""
     signs = health.signs
     within, sampled = duration(signs.follows_within or 0.0), duration(signs.period or 0.0)
+    if signs.tracks == "tracks" and (signs.oscillating_share or 0.0) > QUIET_SHARE:
+        return verdict, reason, action  # it hunts between its moves
     if signs.tracks == "tracks":
         unseen = f"its dead time cannot be seen at samples of {sampled}"
         return (

@@ -133,3 +133,51 @@ def test_a_day_of_hunting_and_programmes_is_not_silent():
     assert found["TIC-1"]
     assert rows["TIC-1"].setpoint_moves
     assert "no set-point" not in rows["TIC-1"].reason
+
+
+def test_an_integral_trap_is_named_from_the_cycle_alone_and_cured_by_a_longer_time():
+    """No step in the record of the fryer; the evaporator gets its settings: the gain as it is, ten times Ti."""
+    fryer = seen("fryer-level-cycle")[0]["FRYER-cycle"]
+    assert "integral action is too strong" in fryer.reason
+    assert "oscillating" in fryer.flags
+    evaporator = seen("evaporator-cycle")[0]
+    cycling = evaporator["EVAP-cycle"]
+    assert cycling.new_ti is not None
+    assert cycling.new_ti >= 40.0
+    assert cycling.new_kp is not None
+    assert cycling.new_kp >= 0.3
+    assert "settings_mismatch" in evaporator["EVAP-tiwrong"].flags
+
+
+def test_no_answer_is_said_and_never_integral_action_asked_for():
+    rows, _, _ = seen("no-response")
+    for row in rows.values():
+        assert "no_response" in row.flags
+        assert "add integral" not in f"{row.reason} {row.action}"
+        assert row.new_kp is None
+
+
+def test_a_relay_in_place_of_the_demand_is_named():
+    row = seen("relay-as-output")[0]["ROOM"]
+    assert "two_valued_op" in row.flags
+    assert "bottleneck" not in row.action
+    assert row.new_kp is None
+
+
+def test_gains_that_differ_with_the_level_are_named():
+    row = seen("horizontal-drum")[0]["DRUM-horizontal"]
+    assert "with PV below" in row.reason
+    assert row.new_kp is None or row.new_kp <= 4.0
+
+
+def test_settings_stay_below_what_an_inverse_response_and_an_oven_bear():
+    drum = seen("drum-inverse-response")[0]["DRUM"]
+    assert drum.new_kp is None or drum.new_kp < 2.7
+    oven = seen("noisy-quantised-oven")[0]["OVEN"]
+    assert oven.gain == pytest.approx(0.275, rel=0.1)
+    assert not oven.new_td
+
+
+@pytest.mark.parametrize("case", ["split-range", "slow-motor-valve", "drive-minimum-speed"])
+def test_what_is_no_linear_loop_gets_no_settings(case):
+    assert all(row.new_kp is None for row in seen(case)[0].values())

@@ -21,6 +21,7 @@ from monitor.contract.loops import Loop
 from monitor.identify.misfit import ModelError
 from tests.monitor.advise.tools import PERIOD, asked, given_advice, sluggish
 from tests.support.fits import make_fit
+from tuners.levels import method_product
 from tuners.models import SELF_REGULATING
 from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings
@@ -54,6 +55,19 @@ def test_far_below_the_aim_more_is_borne():
         advice = given_advice(loop, evidence=evidence)
         ratio, whole = float(advice.settings.kp) / 0.1, float(advice.aim.kp) / 0.1
         assert 2.0 < ratio <= whole / 4.0
+
+
+@pytest.mark.parametrize("evidence", [NO_DOUBT, Evidence(loads_only=True), Evidence(misfit=error(0.05, 0.6))])
+@pytest.mark.parametrize("ti", [10.0, 30.0, 60.0])
+def test_a_loop_that_rolls_does_not_go_on_rolling_under_a_part_of_the_way(ti, evidence):
+    """Too much integral action for the gain: where the gain may not rise far at once, the integral time gets longer."""
+    today = sluggish(kp=0.4, ti=ti)
+    model = nominal(uncertain_models(make_fit(), PERIOD))
+    before = float(np.ravel(method_product(model, settings_of(today)))[0])
+    advice = given_advice(today, evidence=evidence)
+    after = float(np.ravel(method_product(model, advice.settings))[0])
+    assert before < 2.0 < after
+    assert abs(float(advice.settings.kp)) >= 0.4
 
 
 def test_a_campaign_arrives():

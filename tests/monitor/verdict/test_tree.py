@@ -8,7 +8,9 @@ import pytest
 
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, NOT_ASSESSED, RETUNE, LoopRow
+from monitor.health.diagnosis import Signs
 from monitor.health.loop_health import Health
+from monitor.health.valve import Valve
 from monitor.verdict.in_force import InForce
 from monitor.verdict.parts import Suggested, Tuning
 from monitor.verdict.row import loop_row
@@ -62,7 +64,7 @@ SICK = {
     "undersampled": {"undersampled": True},
     "saturated": {"saturation": 0.6},
     "stiction": {
-        "stiction": 0.9,
+        "signs": Signs(valve=Valve(2.1, "play", 0.8, 1)),
         "oscillation_period": 100.0,
         "oscillation_regularity": 0.9,
         "oscillating": True,
@@ -190,11 +192,26 @@ def test_a_loop_without_integral_action_is_told_so():
     assert "+3" in row.reason
 
 
-@pytest.mark.parametrize("flag", ["stiction", "oscillating"])
-def test_a_cycle_of_the_set_point_is_not_the_loop_s(flag):
+FAINT = Signs(valve=Valve(2.1, "play", 0.3, 1))
+"""Something speaks for a valve, but not enough by itself."""
+
+
+@pytest.mark.parametrize("shape", [0.0, 0.9])
+def test_a_cycle_of_the_set_point_is_not_the_loop_s(shape):
     """Where the set point itself moves much of the time, neither valve nor loop is blamed for the error's cycle."""
-    row = conclude(tuned(RETUNE), LOOP, healthy(**SICK[flag], sp_moving=0.3))
+    facts = SICK["oscillating"] | {"stiction": shape, "signs": FAINT}
+    row = conclude(tuned(RETUNE), LOOP, healthy(**facts, sp_moving=0.3))
     assert (row.verdict, row.flags) == (RETUNE, ())
+
+
+def test_the_shape_of_a_cycle_names_the_valve_only_where_op_speaks_for_it():
+    """A load that is no sine gives a cycle that shape, too; with the band in OP it is said."""
+    shaped = SICK["oscillating"] | {"stiction": 0.9}
+    assert "stiction" not in conclude(tuned(GOOD), LOOP, healthy(**shaped)).flags
+    assert "stiction" in conclude(tuned(GOOD), LOOP, healthy(**shaped, signs=FAINT)).flags
+    banded = conclude(tuned(GOOD), LOOP, healthy(signs=SICK["stiction"]["signs"]))
+    assert "OP travels 2.1 % after a reversal before PV answers" in banded.reason
+    assert (banded.stiction, banded.dead_band) == (0.8, 2.1)
 
 
 def test_rest_at_its_own_extreme_is_no_known_limit():

@@ -11,7 +11,7 @@ from monitor.contract.figures import GAIN_UNITS, MEANINGS
 from monitor.contract.records import Assessment, LoopRow
 from monitor.contract.summary import Job
 
-from .words import number
+from .words import number, percent
 
 UNITS = {"kp": "OP/PV", "ti": "s", "td": "s", "tf": "s", "ki": "OP/(PV s)", "kd": "OP s/PV"}
 NOTES = ("note", "unavailable")
@@ -101,8 +101,15 @@ def _lines(columns: Sequence[dict[str, Any]], *, ending: bool = False) -> list[t
     for name in names:
         values = [column.get(name) for column in columns]
         none = "none" if ending and name == "ti" else "–"
-        lines.append((name, [none if v is None or v == math.inf else number(v, 4) for v in values]))
+        lines.append((name, [none if v is None or v == math.inf else _shown(v) for v in values]))
     return lines
+
+
+def _shown(value: Any) -> str:
+    """Return a field's value: a choice as it is, yes or no, or a number as finely as one types it."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return number(value, 4)
 
 
 def _loaded(text: str | None) -> Any:
@@ -128,7 +135,6 @@ def _promises(row: LoopRow) -> list[tuple[str, str, str]]:
     lines = [
         ("Ms, on the model", row.ms, row.new_ms),
         ("Ms, worst model that the data allow", None, row.new_ms_worst),
-        ("overshoot after a set-point step", row.overshoot, row.new_overshoot),
         ("error after a set-point step, IAE of a unit step [s]", row.iae_setpoint, row.new_iae_setpoint),
         ("error after a load step, IAE of a unit step [PV s/OP]", row.iae_load, row.new_iae_load),
         ("noise that the controller puts on OP [% of span]", None, row.new_op_noise),
@@ -137,9 +143,9 @@ def _promises(row: LoopRow) -> list[tuple[str, str, str]]:
         ("CI after set-point steps, measured", row.ci_setpoint, None),
         ("CI after load steps, measured", row.ci_load, None),
     ]
-    return [
-        (name, number(now), number(new)) for name, now, new in lines if now is not None or new is not None
-    ]
+    told = [(name, number(now), number(new)) for name, now, new in lines]
+    told.insert(2, ("overshoot after a set-point step", percent(row.overshoot), percent(row.new_overshoot)))
+    return [(name, now, new) for name, now, new in told if now or new]
 
 
 def health_of(row: LoopRow) -> list[tuple[str, str]]:

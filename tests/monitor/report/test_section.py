@@ -46,3 +46,14 @@ def test_what_is_not_known_is_left_out() -> None:
 def test_each_health_figure_that_is_known_is_shown() -> None:
     row = retune(**dict.fromkeys(MEANINGS, 0.5))
     assert health_of(row) == [(name, "0.5") for name in MEANINGS]
+
+
+def test_choices_of_a_block_are_words_and_an_overshoot_is_in_per_cent() -> None:
+    row = retune(
+        fields=json.dumps({"direct": True}), stage_fields=json.dumps([{"direct": True}, {"direct": False}])
+    )
+    section = section_of(row, [], None)
+    assert section["settings"]["faceplate"] == [("direct", ["yes", "yes", "no"])]
+    assert section["promises"][1] == ("Ms, worst model that the data allow", "", "1.8")
+    promises = section_of(retune(overshoot=0.394, new_overshoot=1e-9), [], None)["promises"]
+    assert ("overshoot after a set-point step", "39 %", "0 %") in promises

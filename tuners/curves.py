@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tuners.models import SELF_REGULATING, Array, Process, SelfRegulatingModel
+from tuners.models import SELF_REGULATING, Array, Model, SelfRegulatingModel
 from tuners.responses import _final_value, _first_window, _half_waves, _points
 from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings
@@ -21,7 +22,9 @@ LONGEST_WINDOWS = 20.0
 """Lengths of the picture within which the slowest loop may come to rest: what is slower still is cut."""
 
 
-def step_curves(models: Process, settings: Settings, kind: str, time: Array) -> Array:
+def step_curves(
+    models: Model, settings: Settings, kind: str, time: Array, stable: NDArray[np.bool_] | None = None
+) -> Array:
     """Return PV after a unit step for each of the models (M, n); NaN where the loop is unstable.
 
     Parameters
@@ -34,6 +37,8 @@ def step_curves(models: Process, settings: Settings, kind: str, time: Array) -> 
         ``setpoint`` (unit [PV]) or ``load`` (unit [OP], added to OP).
     time
         From the step on, increasing from 0 (n,) [s].
+    stable
+        With which of the models the loop is stable (M,), where that is known already.
 
     Raises
     ------
@@ -60,7 +65,8 @@ def step_curves(models: Process, settings: Settings, kind: str, time: Array) -> 
         settings = Settings(
             settings.kp, settings.ti, settings.td, settings.td / 1000, settings.form, settings.b, settings.c
         )
-    stable = np.isfinite(np.atleast_1d(np.ravel(peak_sensitivity(models, settings))))
+    if stable is None:
+        stable = np.isfinite(np.atleast_1d(np.ravel(peak_sensitivity(models, settings))))
     curves = np.full((len(gain), len(time)), math.nan)
     if not stable.any():
         return curves

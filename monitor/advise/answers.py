@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monitor.assess.reference import settings_of
 from monitor.contract.evidence import Answers
@@ -13,16 +14,18 @@ from monitor.contract.samples import Array
 from monitor.identify.fit import Fit
 from tuners.curves import step_curves
 from tuners.models import IntegratingModel, Model, SelfRegulatingModel
-from tuners.responses import closed_loop_response
+from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings
 
 from .prediction import KINDS
-from .region import uncertain_models, worst_peaks
+from .region import uncertain_models
 
 POINTS = 121
 """Of each curve: what a picture of a few hundred pixels shows."""
 LONGEST_T0, SHORTEST_T0 = 60.0, 6.0
 """A picture's length in T0: what takes longer is shown as far as it goes, what is faster has room."""
+LEAST_T0_S, LOOKED_AT_POINTS, SETTLED_SHARE = 1e-6, 601, 0.02
+"""T0 of a process without any; points on which a response is looked at for its end, and the usual 2 % band about it."""
 SHOWN_SETTLING_TIMES = 1.3
 """Settling times of the slower response that a picture shows: that it has come to rest is seen."""
 
@@ -48,57 +51,56 @@ def answers(loop: Loop, fit: Fit, period: float, new: Settings | None) -> tuple[
     both = [s for s in (today, new) if s is not None]
     if not both:
         return ()
-    models = _ends(uncertain_models(fit, period), both)
+    models = uncertain_models(fit, period)
+    stable = [np.ravel(peak_sensitivity(models, s)) for s in both]
+    rows = _ends(models, stable)
+    ends = _at(models, rows)
+    known = [(s, np.isfinite(peaks[rows])) for s, peaks in zip(both, stable, strict=True)]
     found = []
     for kind in KINDS:
-        time = np.linspace(0.0, _length(models, both, kind), POINTS)
+        time = np.linspace(0.0, _length(ends, known, kind), POINTS)
+        curves = [_curves(ends, *one, kind, time) for one in known]
+        unknown = np.full((3, POINTS), math.nan)
         found.append(
             Answers(
                 loop=loop.name,
                 kind=kind,
                 time=time,
-                today=_curves(models, today, kind, time),
-                new=_curves(models, new, kind, time),
+                today=unknown if today is None else curves[0],
+                new=unknown if new is None else curves[-1],
             )
         )
     return tuple(found)
 
 
-def _curves(models: Model, settings: Settings | None, kind: str, time: Array) -> Array:
-    """Return the model's response and the least and largest of all (3, n); NaN where unknown, or without bound."""
-    if settings is None:
-        return np.full((3, len(time)), math.nan)
-    curves = step_curves(models, settings, kind, time)
+def _curves(models: Model, settings: Settings, stable: NDArray[np.bool_], kind: str, time: Array) -> Array:
+    """Return the first model's response, and the least and largest of all (3, n); NaN where there is no bound."""
+    curves = step_curves(models, settings, kind, time, stable)
     # an unstable model has no bound: its NaN makes the band NaN, which is what it is
     return np.stack([curves[0], curves.min(axis=0), curves.max(axis=0)])
 
 
-def _length(models: Model, both: list[Settings], kind: str) -> float:
-    """Return how long a picture has to be for both responses [s]."""
+def _length(models: Model, known: list[tuple[Settings, NDArray[np.bool_]]], kind: str) -> float:
+    """Return how long a picture has to be for the responses of the first model [s]."""
     nominal = _at(models, [0])
-    t0 = max(float(np.ravel(nominal.t0)[0]), 1e-6)
-    gain, dead_time, *lags = (float(np.ravel(x)[0]) for x in (nominal.gain, nominal.dead_time, *nominal.lags))
-    model = type(nominal)(gain, dead_time, *lags)
-    slowest = max(_settled(closed_loop_response(model, s, kind).settling_time) for s in both)
-    return min(max(SHOWN_SETTLING_TIMES * slowest, SHORTEST_T0 * t0), LONGEST_T0 * t0)
+    t0 = max(float(np.ravel(nominal.t0)[0]), LEAST_T0_S)
+    time = np.linspace(0.0, LONGEST_T0 * t0, LOOKED_AT_POINTS)
+    settled = 0.0
+    for settings, stable in known:
+        if stable[0]:
+            pv = step_curves(nominal, settings, kind, time, stable[:1])[0]
+            moving = np.flatnonzero(np.abs(pv - pv[-1]) > SETTLED_SHARE * np.abs(pv).max())
+            settled = max(settled, float(time[moving[-1]]) if len(moving) else 0.0)
+    return min(max(SHOWN_SETTLING_TIMES * settled, SHORTEST_T0 * t0), LONGEST_T0 * t0)
 
 
-def _settled(time: float) -> float:
-    return time if math.isfinite(time) else 0.0
-
-
-def _ends(models: Model, both: list[Settings]) -> Model:
-    """Return the fit and the ends of its region, each once."""
-    columns = np.stack(
-        np.broadcast_arrays(*map(np.ravel, (models.gain, models.dead_time, *models.lags))), axis=-1
-    )
+def _ends(models: Model, peaks: list[Array]) -> list[int]:
+    """Return the rows of the fit, which is the first, and of the ends of its region, each once."""
+    columns = np.broadcast_arrays(*map(np.ravel, (models.gain, models.dead_time, *models.lags)))
     picked = [0]
-    for column in (np.abs(columns[:, 0]), *columns.T[1:]):
+    for column in (np.abs(columns[0]), *columns[1:]):
         picked += [int(column.argmin()), int(column.argmax())]
-    for settings in both:
-        peaks = [worst_peaks(_at(models, [k]), settings)[0] for k in range(len(columns))]
-        picked.append(int(np.argmax(peaks)))
-    return _at(models, list(dict.fromkeys(picked)))
+    return list(dict.fromkeys([*picked, *(int(np.argmax(p)) for p in peaks)]))
 
 
 def _at(models: Model, rows: list[int]) -> Model:

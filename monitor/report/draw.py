@@ -117,7 +117,7 @@ def _sections(environment: jinja2.Environment, contents: Contents) -> dict[str, 
     kinds = contents.summary.kinds
     jobs = {name: job for job in contents.summary.jobs for name in job.loops}
     wanted = [r for r in contents.rows if r.loop in windows or kinds[r.loop] != "good"]
-    found = {}
+    found: dict[str, dict[str, Any]] = {}
     for row in wanted:
         own = events.get(row.loop, [])
         html = template.render(

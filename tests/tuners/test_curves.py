@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tuners.curves import step_curves
-from tuners.models import IntegratingModel, Process, SelfRegulatingModel
+from tuners.models import IntegratingModel, Model, SelfRegulatingModel
 from tuners.responses import closed_loop_response
 from tuners.settings import Settings
 
@@ -24,7 +24,7 @@ CASES = [
 @pytest.mark.parametrize(("model", "times", "settings"), CASES)
 @pytest.mark.parametrize("kind", ["setpoint", "load"])
 def test_each_curve_is_the_response_of_its_own_model(
-    model: type[Process], times: tuple[float, ...], settings: Settings, kind: str
+    model: type[Model], times: tuple[float, ...], settings: Settings, kind: str
 ) -> None:
     time = np.linspace(0.0, 60.0, 121)
     many = step_curves(model(GAINS, *(np.full((3, 1), t) for t in times)), settings, kind, time)

@@ -11,6 +11,7 @@
 - ``engine``: owns the state of all these; samples in, records out;
 - ``wire``: bytes to entries, records to bytes, and back;
 - ``adapters``: one outside library each;
+- ``report``: an audit's facts to one HTML page;
 - ``service, audit, view, check``: the drivers;
 - ``cli``: options, one line for each error, exit codes.
 

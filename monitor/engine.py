@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from monitor.assess.disturbance import assess_disturbance
 from monitor.assess.event import assess_event
-from monitor.contract.evidence import Window
+from monitor.contract.evidence import Answers, Window
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import SETPOINT, Assessment, Event, LoopRow, Plan, Record, Suggestion, event_id
 from monitor.contract.samples import Samples
@@ -30,6 +30,7 @@ from monitor.health.measurement import compression_of
 from monitor.identify.direct import model_response
 from monitor.identify.fit import Fit
 from monitor.reporting.stage import Reporting
+from monitor.verdict.answers import answers_of
 from monitor.verdict.history import LoopHistory
 from monitor.verdict.in_force import InForce
 from monitor.verdict.moves import moves_in_words
@@ -300,6 +301,11 @@ class Engine:
         """Return one row for each loop, worst first: by verdict, then by index, then by name."""
         rows = [self.row(k) for k in range(len(self.loops))]
         return sorted(rows, key=worst_first)
+
+    def answers(self, row: int, standing: LoopRow) -> tuple[Answers, ...]:
+        """Return what a loop makes of unit steps, today and by what its row as it stands suggests."""
+        history = self._histories.get(row)
+        return () if history is None else answers_of(history, standing)
 
     def verdict(self, row: int) -> str | None:
         """Return a loop's verdict as of its last event, None where nothing was assessed."""

@@ -29,6 +29,7 @@ STATIONS: dict[str, tuple[str, ...]] = {
     "wire": ("contract",),
     "adapters": ("contract", "wire", "compiled"),
     "view": ("contract", "wire", "adapters"),
+    "report": ("contract",),
     "service": (
         *(
             "compiled",
@@ -42,7 +43,7 @@ STATIONS: dict[str, tuple[str, ...]] = {
         ),
         "view.process",
     ),
-    "audit": ("contract", "engine", "verdict", "adapters"),
+    "audit": ("contract", "engine", "verdict", "adapters", "report"),
     "importing": ("contract", "adapters", "audit"),
     "check": ("contract", "advise", "adapters", "service.config", "check_controller"),
     "check_controller": ("contract", "detect.event", "identify"),
@@ -89,10 +90,12 @@ HOMES: dict[str, set[str]] = {
     "click": {
         f"monitor/cli/{n}.py" for n in ("audit", "check", "common", "demo", "importing", "main", "monitor")
     }
-    | {f"monitor/cli/{n}.py" for n in ("simulate", "status", "tune", "view")},
+    | {f"monitor/cli/{n}.py" for n in ("report", "simulate", "status", "tune", "view")},
     "rich": {f"monitor/cli/{n}.py" for n in ("audit_show", "demo_show", "tune")},
     "distributed": {"monitor/audit/tasks.py"},
     "matplotlib": {"monitor/cli/tune.py"},
+    "jinja2": {"monitor/report/draw.py"},
+    "xlsxwriter": {"monitor/adapters/workbook.py"},
 }
 """Where a library is at home: exactly there."""
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from monitor.adapters.files import write_text
 from monitor.adapters.historian.rows import Tally, UnusableError
-from monitor.adapters.tables import write_tables
+from monitor.adapters.tables import write_evidence, write_tables
 from monitor.verdict.row import worst_first
 from monitor.verdict.together import cycling_together
 
@@ -25,6 +25,8 @@ from .about import (
     problems,
     why_nothing,
 )
+from .drawing import ABOUT_FILE, draw_report
+from .evidence import answers_of, windows_of
 from .inputs import Inputs, find, identity
 from .result import PARTS_FOLDER, AuditResult
 from .settings import AuditSettings
@@ -144,6 +146,13 @@ class Audit:
         rows = sorted(cycling_together([r for p in self.parts for r in silence.rows(p)]), key=worst_first)
         self.out.mkdir(parents=True, exist_ok=True)
         files = write_tables(self.out, events, rows, seconds=seconds)
+        windows = sorted(
+            (w for p in self.parts for w in windows_of(p.windows)), key=lambda w: (w.loop, w.onset, w.id)
+        )
+        answers = sorted(
+            (a for p in self.parts for a in answers_of(p.answers)), key=lambda a: (a.loop, a.kind)
+        )
+        files += write_evidence(self.out, windows, answers, seconds=seconds)
         counts = counted(tally, samples, len(events), rows)
         said_of_it = about(
             inputs,
@@ -155,9 +164,10 @@ class Audit:
             identities={s.name: self._hashing[s.name].result() for s in inputs.sources},
         )
         text = json.dumps(said_of_it, indent=1, ensure_ascii=False, allow_nan=False)
-        write_text(self.out / "audit.json", text + "\n")
+        write_text(self.out / ABOUT_FILE, text + "\n")
+        files += [self.out / ABOUT_FILE, draw_report(self.out)]
         self._tidy()
-        return AuditResult(0, wrong, rows, events, [*files, self.out / "audit.json"], counts, notes)
+        return AuditResult(0, wrong, rows, events, files, counts, notes)
 
     def _tidy(self) -> None:
         """Remove the parts: the audit is done."""

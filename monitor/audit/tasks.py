@@ -23,6 +23,7 @@ from monitor.adapters.historian.merge import OutOfOrderError, Span, in_order, ro
 from monitor.adapters.historian.reader import scan
 from monitor.adapters.historian.rows import Tally, UnusableError
 from monitor.adapters.historian.source import Source
+from monitor.contract.evidence import Window
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment, LoopRow, Record
 from monitor.contract.samples import Samples
@@ -30,6 +31,7 @@ from monitor.contract.unit_mismatch import unit_mismatch
 from monitor.engine import Engine
 from monitor.verdict.stale import LastSample
 
+from .evidence import Curves, Keeper, Kept, curves_of, flagged
 from .first_samples import FirstSamples
 
 MOST_TASK_ROWS = 50_000_000
@@ -41,6 +43,10 @@ class Part(msgspec.Struct):
 
     events: list[Assessment] = []
     rows: list[LoopRow] = []
+    windows: list[Kept] = []
+    """Some events of the flagged loops, for the eye."""
+    answers: list[Curves] = []
+    """What the flagged loops make of unit steps, by their models."""
     last: dict[str, LastSample] = {}
     """How each loop's samples ended."""
     first: int | None = None
@@ -116,16 +122,16 @@ def run_task(task: Task, done: Callable[[int], None] = _count) -> Part:
 
 
 def _run(task: Task, samples: Iterator[Samples], done: Callable[[int], None]) -> Part:
-    engine = Engine(LoopTable(task.loops))
+    engine, keeper = Engine(LoopTable(task.loops)), Keeper()
     events: list[Assessment] = []
     times: list[int] = []
     firsts = FirstSamples(len(task.loops))
     for batch in samples:
         firsts.watch(batch)
-        _keep(engine.step(batch), events)
+        _keep(engine.step(batch), events, keeper)
         times = [min([*times, int(batch.time.min())]), max([*times, int(batch.time.max())])]
         done(len(batch))
-    _keep(engine.flush(), events)
+    _keep(engine.flush(), events, keeper)
     last = {loop.name: engine.last_sample(row) for row, loop in enumerate(task.loops)}
     first, newest = times or (None, None)
     units = {
@@ -133,11 +139,20 @@ def _run(task: Task, samples: Iterator[Samples], done: Callable[[int], None]) ->
         for row, loop in enumerate(task.loops)
         if (said := unit_mismatch(loop, *firsts.of(row)))
     }
-    return Part(events, engine.rows(), last, first, newest, engine.counts(), units)
+    rows = {loop.name: engine.row(k) for k, loop in enumerate(task.loops)}
+    shown = [name for name, row in rows.items() if flagged(row)]
+    curves = [c for name in shown for c in curves_of(engine.answers(engine.loops.by_name[name], rows[name]))]
+    kept = keeper.of(shown)
+    return Part(events, list(rows.values()), kept, curves, last, first, newest, engine.counts(), units)
 
 
-def _keep(records: Sequence[Record], events: list[Assessment]) -> None:
-    events += [r for r in records if isinstance(r, Assessment)]
+def _keep(records: Sequence[Record], events: list[Assessment], keeper: Keeper) -> None:
+    """Keep assessments, and the windows that follow them."""
+    for record in records:
+        if isinstance(record, Assessment):
+            events.append(record)
+        elif isinstance(record, Window):
+            keeper.take(record, events[-1].kind)
 
 
 # ---------------------------------------------------------------------------------------------------

@@ -12,8 +12,8 @@ from .common import Command, Refused
 _HELP = """Audit a fleet from historian exports.
 
 PATH is a Parquet or CSV file, a folder or a glob: one long table (loop, time, sp, pv, op), a file per loop,
-or a wide table (time, LIC-101.SP, LIC-101.PV, LIC-101.OP, ...). DIR receives loops.csv and loops.parquet
-(a row per loop, worst first), events.parquet and audit.json.
+or a wide table (time, LIC-101.SP, LIC-101.PV, LIC-101.OP, ...). DIR receives report.html, loops.csv, loops.xlsx
+and loops.parquet (a row per loop, worst first), events.parquet and audit.json.
 
 \b
 Example:

@@ -69,7 +69,14 @@ def show(result: AuditResult) -> None:
         soft_wrap=True,
     )
     folder = result.files[0].parent
-    console.print(Text(f"{folder}/: {', '.join(f.name for f in result.files)}"), soft_wrap=True)
+    tables = [f for f in result.files if f.suffix == ".parquet"]
+    others = sorted({f.name for f in result.files} - {f.name for f in tables}, key=_as_read)
+    console.print(Text(f"{folder}/: {', '.join(others)}, {len(tables)} .parquet"), soft_wrap=True)
+
+
+def _as_read(name: str) -> tuple[bool, bool, str]:
+    """Sort key of files: the report first, what is said of the audit last."""
+    return name != "report.html", name == "audit.json", name
 
 
 def _table(rows: list[LoopRow]) -> Table:

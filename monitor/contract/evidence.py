@@ -1,4 +1,4 @@
-"""What an eye is shown of a loop: the window of an event with its model, new samples, panes."""
+"""What an eye is shown of a loop: an event's window with its model, answers to steps, new samples, panes."""
 
 from __future__ import annotations
 
@@ -29,6 +29,24 @@ class Window:
     """Held until the next point; where the window was thinned, the mean over what was left out [OP]."""
     model: NDArray[np.float64]
     """PV as the fitted model gives it from OP [PV]; NaN without a fit."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answers:
+    """How a loop answers a unit step, by today's settings and by those that are suggested. Predicted, not measured."""
+
+    loop: str
+    kind: str
+    """``setpoint`` (unit [PV]) or ``load`` (unit [OP])."""
+    time: Floats
+    """From the step on (n,) [s]."""
+    today: Floats
+    """PV by the model found, and the least and the largest of all models that the evidence allows (3, n) [PV].
+
+    NaN where the settings are not known; where the loop is unstable on the model, or the band has no bound.
+    """
+    new: Floats
+    """The same with the suggested settings (3, n) [PV]."""
 
 
 class Trend(NamedTuple):

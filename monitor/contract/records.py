@@ -128,6 +128,10 @@ class LoopRow(msgspec.Struct, frozen=True, kw_only=True):
     new_ki: float | None = None
     new_kd: float | None = None
     new_fields: str | None = None
+    fields: str | None = None
+    """Today's settings as the faceplate of the loop's block shows them, JSON; None where that is the form's own."""
+    stage_fields: str | None = None
+    """The same of each of the stages, JSON."""
     new_ms: float | None = None
     new_ms_worst: float | None = None
     new_ci: float | None = None

@@ -256,6 +256,12 @@ def silent(health: Health, tuning: Tuning, loop: Loop) -> str:
     return f"PV does not answer OP: {way}"
 
 
+def near_instability(_health: Health, tuning: Tuning, loop: Loop) -> str:
+    if tuning.ms is None or tuning.ms <= MS_MARGIN_RATIO * loop.ms_max:
+        return ""
+    return "today's settings are close to instability"
+
+
 def without_integral(health: Health, _tuning: Tuning, loop: Loop) -> str:
     without = loop.kp is not None and math.isinf(loop.ti)
     if not health.settled_offset or not without or offset_intended(loop):

@@ -39,6 +39,8 @@ class Suggested:
     """The block's own fields, JSON; None where they cannot be given."""
     today: Figures
     """What is predicted of the settings of today: stays where the suggestion is withheld."""
+    stage_fields: str | None = None
+    """The block's fields for each stage, JSON; None where they are the form's own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +88,22 @@ def suggested(loop: Loop, advice: Advice) -> Suggested:
         action += f"; the fields of {loop.form} cannot be given: {error}"
     stages = json.dumps([_plain(s) for s in advice.stages])
     today = {} if advice.before is None else _predicted(advice.before)
-    return Suggested(action, advice.rule, loop.form, figures, stages, fields, today)
+    shown = [faceplate_of(loop, s) for s in advice.stages]
+    each = None if None in shown else f"[{', '.join(map(str, shown))}]"
+    return Suggested(action, advice.rule, loop.form, figures, stages, fields, today, each)
+
+
+def faceplate_of(loop: Loop, settings: Settings | None) -> str | None:
+    """Return settings as the faceplate of the loop's block shows them, JSON.
+
+    None where they are not known, cannot be given, or where the loop's form shows them as they are.
+    """
+    if settings is None or loop.form in FORMS:
+        return None
+    try:
+        return json.dumps(_fields(loop, settings))
+    except ValueError:  # a form that cannot hold them
+        return None
 
 
 def _rest_of_the_way(advice: Advice) -> str:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 from monitor.contract.loops import Loop
-from monitor.contract.records import WORST_FIRST, LoopRow
+from monitor.contract.records import INCONCLUSIVE, RETUNE, WORST_FIRST, LoopRow
 from monitor.health.loop_health import Health
 from monitor.identify.controller_seen import Controller
 
 from .in_force import InForce
-from .parts import Figures, Tuning
+from .parts import Figures, Tuning, faceplate_of
 from .tree import conclude
 
 
@@ -47,6 +47,8 @@ def loop_row(in_force: InForce, tuning: Tuning, health: Health) -> LoopRow:
         form=None if shown is None else shown.form,
         stages=None if shown is None else shown.stages,
         new_fields=None if shown is None else shown.fields,
+        stage_fields=None if shown is None else shown.stage_fields,
+        fields=faceplate_of(loop, loop.settings),
         settings_source=in_force.source,
         **tuning.model,
         **({} if shown is None else shown.figures),
@@ -129,14 +131,38 @@ def _seen(controller: Controller | None, form: str) -> Figures:
     return figures | {"scan_seen": controller.scan or None}
 
 
+FAULTS = {
+    *(
+        "stiction",
+        "no_response",
+        "stuck_pv",
+        "mapping_suspect",
+        "oscillating",
+        "saturated",
+        "settings_mismatch",
+    ),
+    *("offset", "no_integral"),
+}
+"""Flags that say what is wrong in the plant beside the tuning: a valve, a transmitter, a cycle from outside."""
+
+
+def danger(row: LoopRow) -> int:
+    """Return what a loop's place rests on: 0 near instability, 1 valve and other faults, 2 to retune, and the rest."""
+    if "near_instability" in row.flags and row.verdict in (RETUNE, INCONCLUSIVE):
+        return 0
+    if row.verdict == INCONCLUSIVE and FAULTS & set(row.flags):
+        return 1
+    return 2 + WORST_FIRST.index(row.verdict)
+
+
 def worst_first(row: LoopRow) -> tuple[int, float, str]:
-    """Sort key of loop rows: verdict, then the less of CI and what is left to the Ms limit, then the name."""
+    """Sort key of loop rows: danger, then the less of CI and what is left to the Ms limit, then the name."""
     worth = [
         1.0 if row.ci_setpoint is None else row.ci_setpoint,
         1.0 if row.ci_load is None else row.ci_load,
         1.0 if row.ms is None else 2.0 / max(row.ms, 1.0),
     ]
-    return WORST_FIRST.index(row.verdict), min(worth), row.loop
+    return danger(row), min(worth), row.loop
 
 
 def says_new(old: LoopRow, new: LoopRow) -> bool:

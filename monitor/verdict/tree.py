@@ -161,6 +161,9 @@ TREE = (
     Branch("oscillating", branches.oscillates_otherwise, WITHHOLDS, _OTHERS),
     Branch("oscillating", branches.oscillates, MARKS, ""),
     # then the tuning; what else is worth a word
+    Branch(
+        "near_instability", branches.near_instability, MARKS, "slow the controller down before anything else"
+    ),
     Branch("no_response", branches.silent, WITHHOLDS, _SHUT),
     Branch("no_integral", branches.without_integral, WITHHOLDS, _INTEGRAL),
     Branch("offset", branches.stays_off, WITHHOLDS, _INTEGRAL),

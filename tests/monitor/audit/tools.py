@@ -13,7 +13,10 @@ from click.testing import CliRunner, Result
 from monitor.cli.audit import audit as audit_command
 from tests.support.plants import pi_loop
 
-FILES = ("events.parquet", "loops.parquet", "loops.csv", "audit.json")
+FILES = (
+    *("events.parquet", "loops.parquet", "loops.csv", "loops.xlsx", "audit.json"),
+    *("evidence.parquet", "answers.parquet", "report.html"),
+)
 START = np.datetime64("2026-03-01T00:00:00", "ns").astype(np.int64)
 
 

@@ -108,3 +108,12 @@ def test_a_pv_that_never_moved_is_frozen_and_not_one_that_is_reported_on_change(
     """Held values between rows are the gateway's."""
     assert concluded(Signs(rests=True)).flags == ("stuck_pv",)
     assert "stuck_pv" not in concluded(Signs(rests=True), dead_band=0.5).flags
+
+
+def test_a_loop_near_instability_is_marked_from_a_quarter_above_its_limit():
+    """The loop table's own limit counts; the verdict is the tuning's."""
+    tuning = Tuning(verdict=RETUNE, reason="too close to instability", ms=2.76)
+    assert concluded(Signs(), tuning).flags == ("near_instability",)
+    assert concluded(Signs(), tuning).verdict == RETUNE
+    assert concluded(Signs(), Tuning(verdict=GOOD, ms=2.74)).flags == ()
+    assert concluded(Signs(), tuning, Loop(name="LIC-1", kp=2.0, ti=82.0, ms_max=3.0)).flags == ()

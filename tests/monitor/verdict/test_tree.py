@@ -20,6 +20,7 @@ FLAGS = {
     "manual", "saturated", "stuck_pv", "idle", "stale", "oscillating", "stiction", "offset", "compressed",
     "undersampled", "mapping_suspect", "config_change", "cascade_slave", "noisy_op", "no_integral",
     "permanent_upset", "settings_mismatch", "exception_reported", "no_response", "two_valued_op",
+    "near_instability",
 }  # fmt: skip
 
 LOOP = Loop(name="LIC-1", kp=2.0, ti=100.0, op_low=0.0, op_high=100.0)
@@ -123,7 +124,7 @@ def test_an_oscillation_that_the_settings_explain_is_theirs():
         loop,
         healthy(oscillation_period=20.0, oscillation_regularity=0.9, oscillating=True),
     )
-    assert (row.verdict, row.new_kp, row.flags) == (RETUNE, 2.5, ("oscillating",))
+    assert (row.verdict, row.new_kp, row.flags) == (RETUNE, 2.5, ("oscillating", "near_instability"))
 
 
 def test_an_oscillation_of_another_period_is_not_the_tuning():

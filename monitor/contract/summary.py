@@ -1,0 +1,52 @@
+"""What an audit comes to, for whoever has five minutes: kinds of loops, jobs, and what was not judged. Plain facts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+KINDS = ("good", "retune", "valve", "oscillating", "manual", "unclear")
+"""What is to be done with a loop; each loop is of one kind."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One thing to do."""
+
+    loops: tuple[str, ...]
+    kind: str
+    """One of `KINDS`, of its first loop."""
+    who: str
+    title: str
+    """In a few words."""
+    what: str
+    why: str
+    benefit: str
+    risk: str
+
+
+@dataclass(frozen=True, slots=True)
+class Remedy:
+    """What would make loops judgeable that are not."""
+
+    what: str
+    why: str
+    """Of the first of them."""
+    loops: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Page one."""
+
+    counts: dict[str, int]
+    """Loops by kind."""
+    kinds: dict[str, str]
+    """Kind of each loop."""
+    jobs: tuple[Job, ...]
+    """All of them, the most dangerous first."""
+    remedies: tuple[Remedy, ...]
+    """That for the most loops first."""
+    coverage: float | None
+    """Mean of the loops' share of time with good samples."""
+    near_instability: int
+    """Loops."""

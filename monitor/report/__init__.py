@@ -1,0 +1,1 @@
+"""One self-contained page of an audit: facts in, HTML out. Nothing is found out here."""

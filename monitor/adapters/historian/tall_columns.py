@@ -11,7 +11,8 @@ from .tag_roles import read_tag, role_of
 
 TAG_WORDS = frozenset(
     "tag tagname name path tagpath point pointname pointid id item itemid itemname series seriesname metric "
-    "variable signal signalname source sensor address tagid measurement channel fullname kks nodeid messstelle bezeichnung".split()
+    "variable signal signalname source sensor address tagid measurement channel fullname kks nodeid messstelle "
+    "bezeichnung".split()
 )
 VALUE_WORDS = (
     *(

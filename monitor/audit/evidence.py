@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -95,7 +96,7 @@ class Trends:
 
     def __init__(self, names: Sequence[str]) -> None:
         self.names = names
-        self._newest: dict[int, list[NDArray[np.generic]]] = {}
+        self._newest: dict[int, list[NDArray[Any]]] = {}
 
     def take(self, samples: Samples) -> None:
         """Keep the newest `TREND_SAMPLES` of each loop, each loop's times increasing."""
@@ -106,10 +107,8 @@ class Trends:
         edges = [0, *(np.flatnonzero(np.diff(loops)) + 1), len(loops)]
         for a, b in pairwise(map(int, edges)):
             rows = order[max(a, b - TREND_SAMPLES) : b]
-            new = [
-                samples.time[rows],
-                *(c[rows].astype(np.float32) for c in (samples.sp, samples.pv, samples.op)),
-            ]
+            levels = [c[rows].astype(np.float32) for c in (samples.sp, samples.pv, samples.op)]
+            new: list[NDArray[Any]] = [samples.time[rows], *levels]
             old = self._newest.get(int(loops[a])) if len(rows) < TREND_SAMPLES else None
             if old is not None:
                 new = [np.concatenate([o, n])[-TREND_SAMPLES:] for o, n in zip(old, new, strict=True)]
@@ -120,13 +119,16 @@ class Trends:
         wanted, found = set(names), []
         for row, (time, sp, pv, op) in sorted(self._newest.items()):
             if self.names[row] in wanted:
-                columns = [np.asarray(c, dtype=np.float64) for c in (sp, pv, op)]
+                levels = {
+                    "sp": sp.astype(np.float64),
+                    "pv": pv.astype(np.float64),
+                    "op": op.astype(np.float64),
+                }
                 nothing = np.full(len(time), np.nan)
-                found.append(
-                    thinned(
-                        Window("", self.names[row], int(time[0]), time.astype(np.int64), *columns, nothing)
-                    )
+                whole = Window(
+                    id="", loop=self.names[row], onset=int(time[0]), time=time, model=nothing, **levels
                 )
+                found.append(thinned(whole))
         return found
 
 

@@ -200,7 +200,7 @@ def risk_of(row: LoopRow) -> str:
     )
     slower = [f"error after a {n} {_change(a, b)}" for n, a, b in _errors(row) if b > WORTH_A_WORD * a]
     price = f"costs speed: {', '.join(slower)}; " if slower else ""
-    return f"{price}{worst}{parts}; watch the next step, go back if it swings"
+    return f"{price}{worst}{parts}"
 
 
 def _worth_of(row: LoopRow, flag: str) -> str:

@@ -71,16 +71,24 @@ def step_curves(
     if not stable.any():
         return curves
     kept = type(models)(gain[stable], dead_time[stable], *(lag[stable] for lag in lags))
-    window = np.clip(_first_window(kept, settings), 1.05 * time[-1], LONGEST_WINDOWS * time[-1])
-    count = _points(kept, settings, window[:, np.newaxis], 0.1, *CURVE_POINTS)
+    curves[stable] = _curves(kept, settings, kind, time)
+    return curves
+
+
+def _curves(models: Model, settings: Settings, kind: str, time: Array) -> Array:
+    """Return the curves (M, n) of models, fields (M, 1), with each of which the loop is stable."""
+    window = np.clip(_first_window(models, settings), 1.05 * time[-1], LONGEST_WINDOWS * time[-1])
+    count = _points(models, settings, window[:, np.newaxis], 0.1, *CURVE_POINTS)
     omega = np.arange(1, 2 * count, 2) * (math.pi / window)[:, np.newaxis]
-    process = kept.frequency_response(omega)
+    process = models.frequency_response(omega)
     closed = process / (1 + process * settings.frequency_response(omega))
     if kind == "setpoint":
         closed = closed * settings.setpoint_response(omega)
-    final = np.broadcast_to(np.asarray(_final_value(kept, settings, kind), dtype=float), (len(window), 1))
+    final = np.broadcast_to(np.asarray(_final_value(models, settings, kind), dtype=float), (len(window), 1))
     pv = _half_waves(closed) + final / 2
-    for row, span, delay, out in zip(pv, window, dead_time[stable, 0], np.flatnonzero(stable), strict=True):
+    delays = np.broadcast_to(np.ravel(models.dead_time), len(window))
+    curves = np.empty((len(window), len(time)))
+    for out, row, span, delay in zip(curves, pv, window, delays, strict=True):
         grid = np.linspace(0.0, span, count, endpoint=False)
-        curves[out] = np.interp(time, grid, np.where(grid <= delay, 0.0, row))
+        out[:] = np.interp(time, grid, np.where(grid <= delay, 0.0, row))
     return curves

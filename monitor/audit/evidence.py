@@ -5,20 +5,24 @@ Memory stays bounded, whatever the length of the record: a few events of a few h
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
+from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from monitor.contract.evidence import Answers, Window
 from monitor.contract.records import DISTURBANCE, GOOD, NOT_ASSESSED, LoopRow
-from monitor.contract.samples import Array
+from monitor.contract.samples import Array, Samples
 
 MOST_WITH_MODEL, MOST_WITHOUT = 3, 1
 """Newest events that are kept of a loop: those that a model was found for, which carry the verdict, and others."""
 MOST_POINTS = 300
 """Of a window: as many as its picture has pixels, or nearly."""
+TREND_SAMPLES = 1200
+"""Newest samples of a loop that are kept: 20 kB, and an hour or two as most loops are sampled."""
 QUIET_FLAGS = {"idle", "cascade_slave", "stale"}
 """Of a loop that these alone are said of there is nothing to see."""
 
@@ -85,6 +89,47 @@ class Keeper:
         """Return what is kept of these loops, by name, then by time."""
         found = [k for n in names for k in (*self._modelled.get(n, ()), *self._others.get(n, ()))]
         return sorted(found, key=lambda k: (k.loop, k.onset, k.id))
+
+
+class Trends:
+    """Takes samples as they come, and keeps the newest of each loop: what is seen of one that has no event."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = names
+        self._newest: dict[int, list[NDArray[Any]]] = {}
+
+    def take(self, samples: Samples) -> None:
+        """Keep the newest `TREND_SAMPLES` of each loop, each loop's times increasing."""
+        if not len(samples):
+            return
+        order = np.argsort(samples.loop, kind="stable")
+        loops = samples.loop[order]
+        edges = [0, *(np.flatnonzero(np.diff(loops)) + 1), len(loops)]
+        for a, b in pairwise(map(int, edges)):
+            rows = order[max(a, b - TREND_SAMPLES) : b]
+            levels = [c[rows].astype(np.float32) for c in (samples.sp, samples.pv, samples.op)]
+            new: list[NDArray[Any]] = [samples.time[rows], *levels]
+            old = self._newest.get(int(loops[a])) if len(rows) < TREND_SAMPLES else None
+            if old is not None:
+                new = [np.concatenate([o, n])[-TREND_SAMPLES:] for o, n in zip(old, new, strict=True)]
+            self._newest[int(loops[a])] = new
+
+    def of(self, names: Iterable[str]) -> list[Kept]:
+        """Return the trends of these loops, thinned: windows without an id, that begin where they begin."""
+        wanted, found = set(names), []
+        for row, (time, sp, pv, op) in sorted(self._newest.items()):
+            if self.names[row] in wanted:
+                levels = {
+                    "sp": sp.astype(np.float64),
+                    "pv": pv.astype(np.float64),
+                    "op": op.astype(np.float64),
+                }
+                nothing = np.full(len(time), np.nan)
+                whole = Window(
+                    id="", loop=self.names[row], onset=int(time[0]), time=time, model=nothing, **levels
+                )
+                found.append(thinned(whole))
+        return found
 
 
 def thinned(window: Window) -> Kept:

@@ -46,6 +46,8 @@ NO_RISK = {
     INSTRUMENTS: "the loop is in manual meanwhile",
     TUNER: "none while nothing is typed in",
 }
+WORTH_OVERSHOOT = 0.1
+"""By which an overshoot must shrink to be named, as a share of the step."""
 WORTH_A_WORD = 1.05
 """Ratio of errors from which a loop that becomes slower is said to."""
 MANY_JOBS = 3
@@ -140,7 +142,7 @@ def _retune(row: LoopRow) -> Job:
 
 def _other(row: LoopRow, kind: str) -> Job | None:
     flag = next((f for f in WHO if f in row.flags), None)
-    if flag is None or kind == GOOD or not row.action:
+    if flag is None or kind == GOOD or not row.action or row.action.startswith("none"):
         return None
     who, title = WHO[flag], TITLES[kind] if kind != "unclear" else FLAG_TITLES.get(flag, TITLES[kind])
     if kind == "oscillating" and row.action.startswith(INTEGRAL_WORDS):
@@ -159,6 +161,8 @@ def benefit_of(row: LoopRow) -> str:
     if "near_instability" in row.flags and row.ms is not None and row.new_ms is not None:
         today = f"{row.ms:.2f}" if math.isfinite(row.ms) else "unstable"
         said.append(f"safe again: Ms {today} → {row.new_ms:.2f}")
+    if row.overshoot is not None and (row.new_overshoot or 0.0) < row.overshoot - WORTH_OVERSHOOT:
+        said.append(f"overshoot {row.overshoot:.0%} → {row.new_overshoot or 0.0:.0%}")
     said += [f"error after a {name} {_change(now, new)}" for name, now, new in _errors(row) if new < now]
     return "; ".join(said) or ("not known" if row.new_ci is None else f"index about {row.new_ci:.2f}")
 
@@ -196,7 +200,7 @@ def risk_of(row: LoopRow) -> str:
     )
     slower = [f"error after a {n} {_change(a, b)}" for n, a, b in _errors(row) if b > WORTH_A_WORD * a]
     price = f"costs speed: {', '.join(slower)}; " if slower else ""
-    return f"{price}{worst}{parts}; watch the next step, go back if it swings"
+    return f"{price}{worst}{parts}"
 
 
 def _worth_of(row: LoopRow, flag: str) -> str:

@@ -31,7 +31,7 @@ from monitor.contract.unit_mismatch import unit_mismatch
 from monitor.engine import Engine
 from monitor.verdict.stale import LastSample
 
-from .evidence import Curves, Keeper, Kept, curves_of, flagged
+from .evidence import Curves, Keeper, Kept, Trends, curves_of, flagged
 from .first_samples import FirstSamples
 
 MOST_TASK_ROWS = 50_000_000
@@ -123,12 +123,14 @@ def run_task(task: Task, done: Callable[[int], None] = _count) -> Part:
 
 def _run(task: Task, samples: Iterator[Samples], done: Callable[[int], None]) -> Part:
     engine, keeper = Engine(LoopTable(task.loops)), Keeper()
+    trends = Trends([loop.name for loop in task.loops])
     events: list[Assessment] = []
     times: list[int] = []
     firsts = FirstSamples(len(task.loops))
     for batch in samples:
         firsts.watch(batch)
         _keep(engine.step(batch), events, keeper)
+        trends.take(batch)
         times = [min([*times, int(batch.time.min())]), max([*times, int(batch.time.max())])]
         done(len(batch))
     _keep(engine.flush(), events, keeper)
@@ -142,7 +144,7 @@ def _run(task: Task, samples: Iterator[Samples], done: Callable[[int], None]) ->
     rows = {loop.name: engine.row(k) for k, loop in enumerate(task.loops)}
     shown = [name for name, row in rows.items() if flagged(row)]
     curves = [c for name in shown for c in curves_of(engine.answers(engine.loops.by_name[name], rows[name]))]
-    kept = keeper.of(shown)
+    kept = [*keeper.of(shown), *trends.of(shown)]
     return Part(events, list(rows.values()), kept, curves, last, first, newest, engine.counts(), units)
 
 

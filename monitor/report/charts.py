@@ -36,9 +36,11 @@ def charts_of(
 ) -> dict[str, list[dict[str, Any]]]:
     """Return what `report.js` draws of a loop: its events, the newest first, and its answers to steps."""
     by_id = {event.id: event for event in events}
+    trend = [w for w in windows if not w.id][-1:]
     shown = [(by_id[w.id], w) for w in windows if w.id in by_id]
     return {
         "events": [_event(event, window) for event, window in reversed(shown)],
+        "trend": [_trend(w) for w in trend],
         "answers": [_answer(answer) for answer in sorted(answers, key=lambda a: a.kind, reverse=True)],
     }
 
@@ -58,6 +60,14 @@ def _event(event: Assessment, window: Window) -> dict[str, Any]:
         "op": pack(window.op),
         "model": pack(window.model),
     }
+
+
+def _trend(window: Window) -> dict[str, Any]:
+    """Return a loop's newest samples, as an event that has no window."""
+    time = np.asarray(window.time - window.onset, dtype=np.float64) * 1e-9
+    first, last = clock(int(window.time[0])), clock(int(window.time[-1]))
+    columns = {"sp": pack_steps(window.sp), "pv": pack(window.pv), "op": pack(window.op), "model": []}
+    return {"title": f"{first} to {last}", "note": "", "end": None, "t": pack_even(time), **columns}
 
 
 def _answer(answer: Answers) -> dict[str, Any]:

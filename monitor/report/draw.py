@@ -33,6 +33,8 @@ MOST_WITH_CHARTS = 800
 any other flagged loop has its words and settings, and the files have all."""
 SECTIONS_WITH_ALL, ALL_WINDOWS, FEW_WINDOWS = 300, 4, 2
 """Worst loops of which all kept windows are inside, how many these are, and how many of the others, the newest."""
+WITH_TREND = ("valve", "oscillating", "manual")
+"""Kinds of loops whose newest samples are shown beside their events; of others, where there are none."""
 SHOWN_EVENTS = 8
 """Newest events in a section's table; `events.parquet` has all."""
 
@@ -127,7 +129,11 @@ def _sections(environment: jinja2.Environment, contents: Contents) -> dict[str, 
         )
         most = ALL_WINDOWS if len(found) < SECTIONS_WITH_ALL else FEW_WINDOWS
         within = len(found) < MOST_WITH_CHARTS
-        shown = (windows.get(row.loop, [])[-most:], answers.get(row.loop, [])) if within else ([], [])
+        own_windows = windows.get(row.loop, [])
+        judged = [w for w in own_windows if w.id][-most:]
+        if not judged or kinds[row.loop] in WITH_TREND:
+            judged += [w for w in own_windows if not w.id]
+        shown = (judged, answers.get(row.loop, [])) if within else ([], [])
         charts = charts_of(own, *shown)
         lean = "\n".join(line for line in map(str.strip, html.splitlines()) if line)
         found[row.loop] = {"html": lean, "health": health_of(row), **charts}

@@ -133,11 +133,15 @@ function key(parts) {
   return p;
 }
 function prepare(section, what) {
-  const answers = $(".answers", section), events = $(".events", section);
+  const answers = $(".answers", section), events = $(".events", section);  // trend and events
   if (what.answers.length) {
     answers.append(element("h4", "Predicted response to a step: today against after the retune, with the band of the models that the data allow"));
     const plots = element("div", undefined, "plots"); answers.append(plots);
     for (const answer of what.answers) plots.append(answerPlot(answer));
+  }
+  if (what.trend.length) {
+    events.append(element("h4", "Trend: the newest samples"));
+    for (const trend of what.trend) events.append(eventPlot(trend));
   }
   if (what.events.length) {
     events.append(element("h4", "Measured: the newest events, with the model over the data and what it leaves beneath"));
@@ -201,15 +205,16 @@ function eventPlot(event) {
   plot.append(element("h5", event.title), element("p", event.note));
   const time = unpack(event.t, 0), count = time.length, [size, unit] = scaleOf(time[count - 1] - time[0]);
   const model = unpack(event.model, count), has = model.some((v) => v !== null);
-  plot.append(key([["PV", DATA], ["SP", SET, "dash"], ...(has ? [["model", MODEL]] : []), ["OP", OUT], ["window, from the onset on", "#fff0b8", "area"]]), holder);
+  plot.append(key([["PV", DATA], ["SP", SET, "dash"], ...(has ? [["model", MODEL]] : []), ["OP", OUT],
+    ...(event.end === null ? [] : [["window, from the onset on", "#fff0b8", "area"]])]), holder);
   later(holder, has ? 400 : 320, () => {
     const x = time.map((t) => t / size), sync = `e${number++}`;
     const pv = unpack(event.pv, count), residual = pv.map((v, k) => v === null || model[k] === null ? null : v - model[k]);
-    const hooks = { drawClear: [(u) => span(u, 0, event.end / size)] };
+    const hooks = event.end === null ? {} : { drawClear: [(u) => span(u, 0, event.end / size)] };
     chart(holder, 200, [x, unpack(event.sp, count), pv, model],
       [{ stroke: SET, width: 1.5, dash: [6, 4], paths: stepped }, { stroke: DATA, width: 1.4 }, { stroke: MODEL, width: 1.8 }], { yLabel: "PV, SP", hooks, sync });
     if (has) chart(holder, 90, [x, residual], [{ stroke: DATA, width: 1 }], { yLabel: "PV−model", hooks: { ...hooks, drawAxes: [(u) => level(u, 0)] }, sync });
-    chart(holder, 120, [x, unpack(event.op, count)], [{ stroke: OUT, width: 1.5, paths: stepped }], { xLabel: `from the onset on [${unit}]`, yLabel: "OP", hooks, sync });
+    chart(holder, 120, [x, unpack(event.op, count)], [{ stroke: OUT, width: 1.5, paths: stepped }], { xLabel: `from the ${event.end === null ? "beginning" : "onset"} on [${unit}]`, yLabel: "OP", hooks, sync });
   });
   return plot;
 }

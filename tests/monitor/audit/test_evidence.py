@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import msgspec
 import numpy as np
 
@@ -9,7 +11,9 @@ from monitor.audit.evidence import (
     MOST_POINTS,
     MOST_WITH_MODEL,
     MOST_WITHOUT,
+    TREND_SAMPLES,
     Keeper,
+    Trends,
     answers_of,
     curves_of,
     flagged,
@@ -19,7 +23,8 @@ from monitor.audit.evidence import (
 from monitor.audit.tasks import Part
 from monitor.contract.evidence import Window
 from monitor.contract.records import LoopRow
-from tests.monitor.report.tools import answers, window
+from monitor.contract.samples import Samples
+from tests.monitor.report.tools import START, answers, window
 
 
 def without_model(k: int) -> Window:
@@ -74,3 +79,22 @@ def test_what_is_flagged() -> None:
     assert flagged(LoopRow(loop="x", flags=("manual",)))
     assert not flagged(LoopRow(loop="x", verdict="good"))
     assert not flagged(LoopRow(loop="x", flags=("idle",)))
+
+
+def test_trends_are_the_newest_samples_however_they_are_batched() -> None:
+    """Of several loops, interleaved; cut anywhere, the same comes out; memory is bounded."""
+    n = 3 * TREND_SAMPLES
+    rng = np.random.default_rng(3)
+    loop, time = np.arange(n) % 2, START + 10**9 * np.arange(n)
+    samples = Samples.of(loop, time, sp=50.0, pv=rng.normal(50.0, 1.0, n), op=rng.normal(30.0, 1.0, n))
+    whole, parts = Trends(["A", "B"]), Trends(["A", "B"])
+    whole.take(samples)
+    whole.take(samples.take(slice(0, 0)))
+    for a, b in pairwise([0, 1, 700, 701, 2500, n]):
+        parts.take(samples.take(slice(a, b)))
+    assert whole.of(["A", "B"]) == parts.of(["A", "B"])
+    (kept,) = windows_of(whole.of(["B"]))
+    assert kept.id == ""
+    assert kept.time[-1] == time[-1]
+    assert kept.time[-1] - kept.time[0] == 2 * 10**9 * (TREND_SAMPLES - 1)
+    assert len(kept.time) <= MOST_POINTS + 4

@@ -80,3 +80,12 @@ def test_benefit_and_risk_say_both_sides() -> None:
 def test_a_retune_without_safe_settings_is_a_job_all_the_same() -> None:
     (job,) = summary_of([LoopRow(loop="x", verdict="retune", reason="slow", action="by hand")]).jobs
     assert (job.title, job.benefit) == ("Retune, by hand", "not known: no safe settings were found")
+
+
+def test_an_overshoot_that_goes_is_a_benefit_and_nothing_to_do_is_no_job() -> None:
+    assert benefit_of(retune(overshoot=0.4, new_overshoot=0.05)).startswith("overshoot 40% → 5%; error after")
+    row = LoopRow(
+        loop="x", verdict="inconclusive", flags=("stale",), reason="66 %", action="none on this evidence"
+    )
+    assert summary_of([row]).jobs == ()
+    assert summary_of([row]).remedies[0].loops == ("x",)

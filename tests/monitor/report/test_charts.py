@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -60,3 +61,11 @@ def test_uneven_times_and_a_restless_set_point_are_packed_as_all_others() -> Non
     assert np.abs(unpacked(pack_even(time), 90) - time).max() < 1e-2
     assert np.abs(unpacked(pack_steps(sp), 90) - sp).max() < 1e-3
     assert pack_steps(np.array([1.0, np.nan])) == pack(np.array([1.0, np.nan]))
+
+
+def test_a_trend_is_what_has_no_event() -> None:
+    trend = replace(window("A"), id="")
+    charts = charts_of([event("A")], [window("A"), trend], [])
+    assert (len(charts["events"]), len(charts["trend"])) == (1, 1)
+    assert charts["trend"][0]["end"] is None
+    assert charts_of([], [], [])["trend"] == []

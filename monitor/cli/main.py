@@ -17,11 +17,11 @@ from .common import Command
 COMMANDS = {
     "demo": ("monitor.cli.demo:demo", "A simulated plant, the monitor and a Rerun view in one go."),
     "monitor": ("monitor.cli.monitor:monitor", "The long-running service."),
+    "audit": ("monitor.cli.audit:audit", "Fleet audit of historian exports."),
     "import": (
         "monitor.cli.importing:import_exports",
         "Read any export: how it is understood, and a loop table.",
     ),
-    "audit": ("monitor.cli.audit:audit", "Fleet audit of historian exports."),
     "tune": ("monitor.cli.tune:tune", "Settings by any tuning rule, with their robustness."),
     "view": ("monitor.cli.view:view", "Live or recorded visual inspection in Rerun."),
     "status": ("monitor.cli.status:status", "Ask running monitors how they are."),

@@ -73,8 +73,8 @@ def tag_columns(look: Look, rest: Sequence[str]) -> tuple[str, ...]:
     if len(tags) > 1:
         best = [h for h in tags if heading_key(h) in TAG_WORDS]
         tags = best or tags
-        roles = {tuple(_role(cell) for cell in look.cells[h]) for h in tags}
-        tags = tags[:1] if len(roles) == 1 else tags  # a name and its path say the same
+        said = {tuple(_role(cell) for cell in look.cells[h]) for h in tags}
+        tags = tags[:1] if len(said) == 1 else tags  # a name and its path say the same
     if len(tags) > 1:
         raise ValueError(f"{' and '.join(tags)} may each be the tag; {HELP}")
     if tags:

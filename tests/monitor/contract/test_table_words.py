@@ -17,8 +17,11 @@ from monitor.contract.table_words import is_mistaken, unknown_column
         ("op_hi", "op_high"),
         ("PV_Min", "pv_low"),
         ("tag", "name"),
-    ]
-    + [("closed_loop_tim", "closed_loop_time"), ("KP", "kp"), ("units", "unit"), ("PB", "kp = 100/PB")],
+        ("closed_loop_tim", "closed_loop_time"),
+        ("KP", "kp"),
+        ("units", "unit"),
+        ("PB", "kp = 100/PB"),
+    ],
 )
 def test_the_nearest_known_one_is_named(column: str, meant: str) -> None:
     said = unknown_column(column, ["1"])

@@ -15,8 +15,6 @@ from monitor.adapters.historian.cell_kinds import column_kind, decimal_comma, ki
         ("20260302", "time"),
         ("02.03.2026", "time"),
         ("08:00", "clock"),
-    ]
-    + [
         ("8:00:01 PM", "clock"),
         ("degC", "word"),
         ("  ", "empty"),

@@ -40,7 +40,7 @@ def test_a_cell_is_what_it_is(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("rows", [[], [["only", "words"], ["a", "b"]]])
 def test_what_is_no_export_is_said(tmp_path: Path, rows: list[list[object]]) -> None:
-    with pytest.raises(UnusableError, match="d.xlsx: "):
+    with pytest.raises(UnusableError, match=r"d\.xlsx: "):
         inspect(book(tmp_path / "d.xlsx", rows))
 
 

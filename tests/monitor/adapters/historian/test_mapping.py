@@ -43,7 +43,7 @@ def test_what_is_written_is_read(
 )
 def test_what_is_wrong_is_named(tmp_path: Path, text: str, says: str) -> None:
     (tmp_path / "mapping.toml").write_text(text)
-    with pytest.raises(ValueError, match="mapping.toml") as error:
+    with pytest.raises(ValueError, match=r"mapping\.toml") as error:
         read_mapping(tmp_path / "mapping.toml")
     assert says in str(error.value)
 

@@ -25,5 +25,5 @@ def test_scales(heading: str, cells: list[str], headings: list[str], scale: str)
 
 
 def test_zeros_alone_may_be_good_or_bad() -> None:
-    with pytest.raises(ValueError, match="Quality: qualities 0 may be good or bad; .* quality_scale"):
+    with pytest.raises(ValueError, match=r"Quality: qualities 0 may be good or bad; .* quality_scale"):
         quality_scale("Quality", ["0", "0"], ["time", "tag"])

@@ -19,9 +19,8 @@ def test_the_tag_is_one_column_or_two() -> None:
 
 
 def test_the_value_by_its_heading_or_as_the_only_number() -> None:
-    assert value_and_quality(look({"Value": TWO, "OPCQuality": TWO, "Quality": TWO}), ["Value", "OPCQuality", "Quality"]) == (
-        "Value", "OPCQuality",
-    )  # fmt: skip
+    three = {"Value": TWO, "OPCQuality": TWO, "Quality": TWO}
+    assert value_and_quality(look(three), list(three)) == ("Value", "OPCQuality")
     assert value_and_quality(look({"x": TWO}), ["x"]) == ("x", "")
     with pytest.raises(ValueError, match="x and y may be the values"):
         value_and_quality(look({"x": TWO, "y": TWO}), ["x", "y"])

@@ -85,7 +85,7 @@ def test_days_in_a_row_tell_their_order() -> None:
 
 def test_one_line_asks_where_the_data_cannot_tell() -> None:
     with pytest.raises(
-        ValueError, match="'02/03/2026 08:00' and all others may name .* --time-format '%d/%m/%Y"
+        ValueError, match=r"'02/03/2026 08:00' and all others may name .* --time-format '%d/%m/%Y"
     ):
         order_of_dates([pa.array(["02/03/2026 08:00"]), pa.array(["02/03/2026 09:00"])])
     with pytest.raises(ValueError, match="now the day, now the month first"):

@@ -11,8 +11,8 @@ from .tag_roles import read_tag, role_of
 
 TAG_WORDS = frozenset(
     "tag tagname name path tagpath point pointname pointid id item itemid itemname series seriesname metric "
-    "variable signal signalname source sensor address tagid measurement channel fullname kks nodeid messstelle "
-    "bezeichnung".split()
+    "variable signal signalname source sensor address tagid measurement channel fullname kks nodeid "
+    "messstelle bezeichnung".split()
 )
 VALUE_WORDS = (
     *(
@@ -72,7 +72,9 @@ def tag_columns(look: Look, rest: Sequence[str]) -> tuple[str, ...]:
     tags = [h for h in words if _reads_as_tags(look.cells[h])]
     if len(tags) > 1:
         best = [h for h in tags if heading_key(h) in TAG_WORDS]
-        tags = best[:1] if best else tags
+        tags = best or tags
+        said = {tuple(_role(cell) for cell in look.cells[h]) for h in tags}
+        tags = tags[:1] if len(said) == 1 else tags  # a name and its path say the same
     if len(tags) > 1:
         raise ValueError(f"{' and '.join(tags)} may each be the tag; {HELP}")
     if tags:
@@ -86,6 +88,11 @@ def tag_columns(look: Look, rest: Sequence[str]) -> tuple[str, ...]:
         if len(loops) > 1:
             raise ValueError(f"{' and '.join(loops)} may each be the loop's name; {HELP}")
     return ()
+
+
+def _role(cell: str) -> str:
+    tag = read_tag(cell)
+    return "" if tag is None else tag.role
 
 
 def _reads_as_tags(cells: Sequence[str]) -> bool:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor.adapters.historian.clock import zone_of
-from monitor.adapters.historian.mapping import NO_MAPPING, Mapping
+from monitor.adapters.historian.mapping import NO_MAPPING, ExportMapping
 from monitor.adapters.historian.rows import Tally, UnusableError
 from monitor.adapters.historian.tag_roles import read_tag
 from monitor.adapters.loop_table import read_loop_table, unknown_columns
@@ -55,7 +55,7 @@ class Finding:
 
 
 def check_file(
-    path: Path, tz: str | None = None, time_unit: str | None = None, given: Mapping = NO_MAPPING
+    path: Path, tz: str | None = None, time_unit: str | None = None, given: ExportMapping = NO_MAPPING
 ) -> Finding:
     """Check a configuration (``.toml``), a loop table or a data file (``.csv``, ``.parquet``, ``.toml``).
 
@@ -169,7 +169,7 @@ def _unused(path: Path, table: LoopTable) -> list[str]:
     return [f"{path}: loop {loop.name}: rule: {loop.rule!r} is not used: {why}" for loop, why in wrong]
 
 
-def _data(path: Path, tz: str | None, time_unit: str | None, given: Mapping) -> Finding:
+def _data(path: Path, tz: str | None, time_unit: str | None, given: ExportMapping) -> Finding:
     """Read all of a data file as the audit would."""
     from monitor.adapters.historian.merge import OutOfOrderError, Span, in_order, sorted_samples  # noqa: PLC0415
     from monitor.adapters.historian.reader import inspect, scan  # noqa: PLC0415 (pyarrow)

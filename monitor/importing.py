@@ -16,7 +16,7 @@ import numpy as np
 from monitor.adapters.files import write_text
 from monitor.adapters.historian.clock import DAY_FIRST, MONTH_FIRST, YEAR_FIRST, zone_of
 from monitor.adapters.historian.layout import ROLES, TAGS
-from monitor.adapters.historian.mapping import NO_MAPPING, Mapping, mapping_text
+from monitor.adapters.historian.mapping import NO_MAPPING, ExportMapping, mapping_text
 from monitor.adapters.historian.merge import OutOfOrderError, Span, in_order, sorted_samples
 from monitor.adapters.historian.reading import reading_of, tag_of, unused_of
 from monitor.adapters.historian.rows import Tally, UnusableError
@@ -95,7 +95,7 @@ def run_import(
     out: Path,
     tz: str | None = None,
     time_unit: str | None = None,
-    given: Mapping = NO_MAPPING,
+    given: ExportMapping = NO_MAPPING,
 ) -> Imported:
     """Read exports, say how they are understood, and write ``mapping.toml`` and ``loops.csv``.
 
@@ -191,7 +191,7 @@ def _lines(inputs: Inputs, seen: dict[str, Seen], tz: str | None) -> list[str]:
     return lines
 
 
-def mapping_of(sources: Sequence[Source]) -> Mapping:
+def mapping_of(sources: Sequence[Source]) -> ExportMapping:
     """Return the mapping by which these files are read again as they were; what differs between them is left open."""
     layouts = [s.layout for s in sources]
     first = sources[0]
@@ -206,7 +206,7 @@ def mapping_of(sources: Sequence[Source]) -> Mapping:
     times = {(layout.time, layout.clock) for layout in layouts}
     orders = {s.clock.order for s in sources}
     said = first.format == "csv" and alike
-    return Mapping(
+    return ExportMapping(
         kind=next(iter(kinds)) if len(kinds) == 1 else "",
         time=tuple(h for h in next(iter(times)) if h) if len(times) == 1 else (),
         time_format=FORMATS.get(next(iter(orders)), "") if len(orders) == 1 else "",

@@ -50,8 +50,8 @@ def step_curves(
     >>> from tuners.models import IntegratingModel
     >>> two = IntegratingModel(gain=np.array([[1.0], [1.2]]), dead_time=np.array([[1.0], [1.0]]))
     >>> step_curves(two, Settings(kp=0.5, ti=8.0), "setpoint", np.array([0.0, 2.0, 40.0])).round(2)
-    array([[0.  , 0.5 , 1.  ],
-           [0.  , 0.6 , 1.  ]])
+    array([[0.  , 0.53, 1.  ],
+           [0.  , 0.64, 1.  ]])
     """
     if kind not in {"setpoint", "load"}:
         raise ValueError(f"kind = {kind!r}: must be 'setpoint' or 'load'")

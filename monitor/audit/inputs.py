@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from monitor.adapters.historian.layout import LONG
-from monitor.adapters.historian.mapping import NO_MAPPING, Mapping
+from monitor.adapters.historian.mapping import NO_MAPPING, ExportMapping
 from monitor.adapters.historian.reader import FOLDER_FORMATS, FORMATS, inspect, scan
 from monitor.adapters.historian.reading import settled
 from monitor.adapters.historian.rows import UnusableError
@@ -48,7 +48,7 @@ def find(
     loops_file: str | Path | None,
     out: Path,
     time_unit: str | None = None,
-    given: Mapping = NO_MAPPING,
+    given: ExportMapping = NO_MAPPING,
 ) -> Inputs:
     """Look at the loop table and all files; what cannot be used is noted.
 

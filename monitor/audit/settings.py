@@ -7,7 +7,7 @@ from datetime import UTC
 from zoneinfo import ZoneInfo
 
 from monitor.adapters.historian.clock import zone_of
-from monitor.adapters.historian.mapping import Mapping, given_mapping
+from monitor.adapters.historian.mapping import ExportMapping, given_mapping
 from monitor.adapters.historian.merge import Span
 from monitor.contract.times import given_time
 
@@ -35,7 +35,7 @@ class AuditSettings:
     scheduler: str | None = None
     """Address of a Dask scheduler that runs the tasks; its workers see the files under the same paths."""
 
-    def given(self) -> Mapping:
+    def given(self) -> ExportMapping:
         """Return what is said of how the exports are to be read.
 
         Raises

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from monitor.adapters.historian.clock import zone_of
-from monitor.adapters.historian.mapping import NO_MAPPING, Mapping, read_mapping
+from monitor.adapters.historian.mapping import NO_MAPPING, ExportMapping, read_mapping
 from monitor.adapters.historian.merge import Span, sorted_samples
 from monitor.adapters.historian.rows import Tally
 from monitor.audit.inputs import find
@@ -23,7 +23,7 @@ def plain(name: str) -> str:
     return "".join(c for c in name if c.isalnum()).upper()
 
 
-def read(path: Path, given: Mapping = NO_MAPPING) -> tuple[pd.DataFrame, list[str]]:
+def read(path: Path, given: ExportMapping = NO_MAPPING) -> tuple[pd.DataFrame, list[str]]:
     """Samples of an export, by loop and time."""
     inputs = find([path], None, path.parent / "out", None, given)
     assert not inputs.problems

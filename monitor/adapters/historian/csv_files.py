@@ -14,7 +14,7 @@ import pyarrow.csv as pa_csv
 from .clock import Clock
 from .layout import BoundsError, Layout, LoopTableFoundError, is_time_heading, layout_of
 from .look import Look
-from .mapping import NO_MAPPING, Mapping
+from .mapping import NO_MAPPING, ExportMapping
 from .recognised import different_rows, documented_or_recognised, recognised
 from .rows import MOST_KEPT_LINES, Tally
 from .source import MOST_COLUMNS, MOST_LINE_BYTES, Source, headings_of, with_head
@@ -28,7 +28,12 @@ BLOCK_BYTES = 1 << 20
 
 
 def inspect_csv(
-    path: Path, name: str, names: Collection[str], unit: str | None, stat: Any, given: Mapping = NO_MAPPING
+    path: Path,
+    name: str,
+    names: Collection[str],
+    unit: str | None,
+    stat: Any,
+    given: ExportMapping = NO_MAPPING,
 ) -> Source:
     """Look at a CSV file: headings, layout, clock; as `reader.inspect`."""
 
@@ -59,7 +64,7 @@ def inspect_csv(
     return documented_or_recognised(documented, by_content, given)
 
 
-def _with_table(path: Path, name: str, stat: Any, given: Mapping) -> tuple[Source, Head]:
+def _with_table(path: Path, name: str, stat: Any, given: ExportMapping) -> tuple[Source, Head]:
     """Find the table in a CSV file: encoding, separator, rows above the data, decimal sign."""
     with path.open("rb") as file:
         raw = file.read(BLOCK_BYTES)

@@ -13,7 +13,7 @@ from python_calamine import CalamineError, CalamineWorkbook
 from .clock import Clock
 from .layout import Layout
 from .look import Look
-from .mapping import NO_MAPPING, Mapping
+from .mapping import NO_MAPPING, ExportMapping
 from .recognised import different_rows, recognised
 from .source import Source
 from .table_head import MOST_HEAD_CELLS, MOST_HEAD_ROWS, comma_of, table_head
@@ -23,7 +23,12 @@ MOST_CELLS = 50_000_000
 
 
 def inspect_excel(
-    path: Path, name: str, names: Collection[str], unit: str | None, stat: Any, given: Mapping = NO_MAPPING
+    path: Path,
+    name: str,
+    names: Collection[str],
+    unit: str | None,
+    stat: Any,
+    given: ExportMapping = NO_MAPPING,
 ) -> Source:
     """Look at a workbook: the first sheet that is an export; as `reader.inspect`."""
     wrong: ValueError | None = None
@@ -42,7 +47,11 @@ def inspect_excel(
 
 
 def _sheet(
-    source: Source, rows: Sequence[Sequence[Any]], names: Collection[str], unit: str | None, given: Mapping
+    source: Source,
+    rows: Sequence[Sequence[Any]],
+    names: Collection[str],
+    unit: str | None,
+    given: ExportMapping,
 ) -> Source:
     n = max(20, min(MOST_HEAD_ROWS, MOST_HEAD_CELLS // max(1, len(rows[0]))))
     head = table_head([[_text(cell) for cell in row] for row in rows[:n]], given.head)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from .mapping import NO_MAPPING
-from .mapping import Mapping as Given
+from .mapping import ExportMapping as Given
 
 HELP = "say which by a mapping: `loopsight import` writes one, --map takes it"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Mapping as AnyMapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ KEYS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Mapping:
+class ExportMapping:
     """What a user says of an export; what is empty is told by the data."""
 
     kind: str = ""
@@ -56,10 +56,10 @@ class Mapping:
         return HeadHints(self.separator or None, header, data)
 
 
-NO_MAPPING = Mapping()
+NO_MAPPING = ExportMapping()
 
 
-def read_mapping(path: Path) -> Mapping:
+def read_mapping(path: Path) -> ExportMapping:
     """Read a mapping.
 
     Raises
@@ -92,7 +92,7 @@ def read_mapping(path: Path) -> Mapping:
         if said not in MODE_WORDS:
             raise ValueError(f"{path}: modes: {name}: {said!r}, expected AUTO or MAN")
         modes[name.strip().lower()] = int(said == "AUTO")
-    return Mapping(
+    return ExportMapping(
         kind=kind,
         time=_texts(path, facts, "time"),
         time_format=_text(path, facts, "time_format"),
@@ -111,7 +111,7 @@ def read_mapping(path: Path) -> Mapping:
     )
 
 
-def given_mapping(path: str | Path | None, time_format: str | None) -> Mapping:
+def given_mapping(path: str | Path | None, time_format: str | None) -> ExportMapping:
     """Return what options say of how exports are to be read.
 
     Parameters
@@ -135,21 +135,21 @@ def given_mapping(path: str | Path | None, time_format: str | None) -> Mapping:
     return replace(given, time_format=time_format)
 
 
-def _scale(path: Path, facts: AnyMapping[str, Any]) -> str:
+def _scale(path: Path, facts: Mapping[str, Any]) -> str:
     scale = _text(path, facts, "quality_scale")
     if scale and scale not in QUALITY_SCALES:
         raise ValueError(f"{path}: quality_scale: {scale!r}, expected one of {', '.join(QUALITY_SCALES)}")
     return scale
 
 
-def _text(path: Path, facts: AnyMapping[str, Any], key: str) -> str:
+def _text(path: Path, facts: Mapping[str, Any], key: str) -> str:
     value = facts.get(key, "")
     if not isinstance(value, str):
         raise ValueError(f"{path}: {key}: {value!r}, expected a text")  # noqa: TRY004 (of a file, not of a program)
     return value
 
 
-def _texts(path: Path, facts: AnyMapping[str, Any], key: str) -> tuple[str, ...]:
+def _texts(path: Path, facts: Mapping[str, Any], key: str) -> tuple[str, ...]:
     value = facts.get(key, [])
     value = [value] if isinstance(value, str) else value
     if not isinstance(value, list) or not all(isinstance(v, str) for v in value) or len(value) > 2:
@@ -157,21 +157,21 @@ def _texts(path: Path, facts: AnyMapping[str, Any], key: str) -> tuple[str, ...]
     return tuple(value)
 
 
-def _row(path: Path, facts: AnyMapping[str, Any], key: str) -> int | None:
+def _row(path: Path, facts: Mapping[str, Any], key: str) -> int | None:
     value = facts.get(key)
     if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 0):
         raise ValueError(f"{path}: {key}: {value!r}, expected the number of a line, from 1; 0 for none")
     return value
 
 
-def _table(path: Path, facts: AnyMapping[str, Any], key: str) -> dict[str, Any]:
+def _table(path: Path, facts: Mapping[str, Any], key: str) -> dict[str, Any]:
     value = facts.get(key, {})
     if not isinstance(value, dict):
         raise ValueError(f"{path}: {key}: {value!r}, expected a table [{key}]")  # noqa: TRY004 (of a file)
     return value
 
 
-def mapping_text(mapping: Mapping, about: str) -> str:
+def mapping_text(mapping: ExportMapping, about: str) -> str:
     """Return a mapping as TOML, to be corrected by hand.
 
     Parameters

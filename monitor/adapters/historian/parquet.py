@@ -14,7 +14,7 @@ from .cells import is_text, plain
 from .clock import Clock
 from .layout import LONG, BoundsError, Layout, layout_of
 from .look import Look
-from .mapping import NO_MAPPING, Mapping
+from .mapping import NO_MAPPING, ExportMapping
 from .recognised import different_rows, documented_or_recognised, recognised, texts_of
 from .source import BATCH_CELLS, HEAD_ROWS, MOST_COLUMNS, Source, headings_of, with_head
 from .table_head import MOST_HEAD_ROWS
@@ -40,7 +40,12 @@ def open_parquet(path: Path, loop: str = "", columns: int = 1) -> Any:
 
 
 def inspect_parquet(
-    path: Path, name: str, names: Collection[str], unit: str | None, stat: Any, given: Mapping = NO_MAPPING
+    path: Path,
+    name: str,
+    names: Collection[str],
+    unit: str | None,
+    stat: Any,
+    given: ExportMapping = NO_MAPPING,
 ) -> Source:
     """Look at a Parquet file: bounds, layout, clock; as `reader.inspect`."""
     return documented_or_recognised(
@@ -51,7 +56,7 @@ def inspect_parquet(
 
 
 def _by_content(
-    path: Path, name: str, names: Collection[str], unit: str | None, stat: Any, given: Mapping
+    path: Path, name: str, names: Collection[str], unit: str | None, stat: Any, given: ExportMapping
 ) -> Source:
     file = open_parquet(path)
     meta = file.metadata

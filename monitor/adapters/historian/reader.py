@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Collection, Iterator
-from collections.abc import Mapping as AnyMapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from .columns import Meanings, Taker
 from .csv_files import bad_lines, csv_batches, csv_head, inspect_csv
 from .excel_files import excel_batches, inspect_excel
 from .layout import LONG, normal_name
-from .mapping import NO_MAPPING, Mapping
+from .mapping import NO_MAPPING, ExportMapping
 from .parquet import inspect_parquet, open_parquet, parquet_batches
 from .rows import Rows, Tally, UnusableError
 from .source import MOST_LINE_BYTES, ZONED, Source, headings_of
@@ -29,7 +28,7 @@ def inspect(
     name: str = "",
     names: Collection[str] = (),
     unit: str | None = None,
-    given: Mapping = NO_MAPPING,
+    given: ExportMapping = NO_MAPPING,
 ) -> Source:
     """Look at a file without reading it: format, layout, clock; check all bounds.
 
@@ -100,7 +99,7 @@ FORMATS: dict[str, Callable[..., Source]] = {
 
 
 def read(
-    source: Source, wanted: AnyMapping[str, int], tally: Tally, groups: Collection[int] | None = None
+    source: Source, wanted: Mapping[str, int], tally: Tally, groups: Collection[int] | None = None
 ) -> Iterator[Rows]:
     """Read a file's rows of the loops asked for, in the file's order.
 

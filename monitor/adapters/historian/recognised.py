@@ -12,7 +12,7 @@ from .cell_kinds import NUMBER, TIME, WORD, column_kind, kind_of, stands_for_val
 from .cells import MODES, is_text, plain
 from .layout import TALL, WIDE, BoundsError, Layout, LoopTableFoundError, NotUnderstoodError
 from .look import HELP, DoubtError, Look
-from .mapping import NO_MAPPING, Mapping
+from .mapping import NO_MAPPING, ExportMapping
 from .quality_scales import quality_scale
 from .recognise import recognise
 from .source import Source, with_clock
@@ -23,7 +23,7 @@ MOST_DIFFERENT = 200_000
 
 
 def documented_or_recognised(
-    documented: Callable[[], Source], by_content: Callable[[], Source], given: Mapping
+    documented: Callable[[], Source], by_content: Callable[[], Source], given: ExportMapping
 ) -> Source:
     """Return a file's source: by its documented layout where that reads all columns, else by what is in it.
 

@@ -8,7 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor.adapters.historian.mapping import NO_MAPPING, Mapping, given_mapping, mapping_text, read_mapping
+from monitor.adapters.historian.mapping import (
+    NO_MAPPING,
+    ExportMapping,
+    given_mapping,
+    mapping_text,
+    read_mapping,
+)
 
 TEXT = st.text(st.characters(exclude_categories=("Cs",)), min_size=1, max_size=20)
 
@@ -19,7 +25,7 @@ def test_what_is_written_is_read(
 ) -> None:
     """Names of any characters, hostile ones among them."""
     path = tmp_path_factory.mktemp("m") / "mapping.toml"
-    said = Mapping(
+    said = ExportMapping(
         kind="wide", time=(name,), columns={name: (loop, "pv")}, modes={mode: 1}, data_row=3, separator="\t"
     )
     path.write_text(mapping_text(said, "about\nit"), encoding="utf-8", newline="")
@@ -56,4 +62,7 @@ def test_options_make_a_mapping() -> None:
 
 
 def test_lines_are_counted_from_one() -> None:
-    assert (Mapping(header_row=2, data_row=4).head.header, Mapping(header_row=0).head.header) == (1, -1)
+    assert (ExportMapping(header_row=2, data_row=4).head.header, ExportMapping(header_row=0).head.header) == (
+        1,
+        -1,
+    )

@@ -10,14 +10,14 @@ import pytest
 from monitor.adapters.historian.cell_kinds import column_kind
 from monitor.adapters.historian.layout import Layout
 from monitor.adapters.historian.look import Look
-from monitor.adapters.historian.mapping import NO_MAPPING, Mapping
+from monitor.adapters.historian.mapping import NO_MAPPING, ExportMapping
 from monitor.adapters.historian.recognise import file_tag, recognise
 
 TIME = ["2026-03-14 08:00:00", "2026-03-14 08:00:05"]
 TWO = ["1.5", "2.5"]
 
 
-def look(columns: dict[str, Sequence[str]], path: str = "d.csv", given: Mapping = NO_MAPPING) -> Look:
+def look(columns: dict[str, Sequence[str]], path: str = "d.csv", given: ExportMapping = NO_MAPPING) -> Look:
     def different(names: tuple[str, ...]) -> Iterable[tuple[str, ...]]:
         return list(dict.fromkeys(zip(*(columns[n] for n in names), strict=True)))
 
@@ -25,7 +25,9 @@ def look(columns: dict[str, Sequence[str]], path: str = "d.csv", given: Mapping 
     return Look(Path(path), tuple(columns), kinds, columns, different, (), given)
 
 
-def layout(columns: dict[str, Sequence[str]], path: str = "d.csv", given: Mapping = NO_MAPPING) -> Layout:
+def layout(
+    columns: dict[str, Sequence[str]], path: str = "d.csv", given: ExportMapping = NO_MAPPING
+) -> Layout:
     return recognise(look(columns, path, given))
 
 
@@ -74,11 +76,11 @@ def test_what_has_no_one_reading_is_refused(columns: dict[str, Sequence[str]], s
 def test_the_mapping_decides() -> None:
     columns = wide("A.SP", "A.PV", "A.OUT", "A.MV")
     said = {h: ("A", r) for h, r in (("A.SP", "sp"), ("A.PV", "pv"), ("A.MV", "op"))}
-    found = layout(columns, given=Mapping(kind="wide", columns=said))
+    found = layout(columns, given=ExportMapping(kind="wide", columns=said))
     assert found.columns["A"]["op"] == "A.MV"
     assert found.unused == ("A.OUT",)
     with pytest.raises(ValueError, match="no column 'When'"):
-        layout(columns, given=Mapping(time=("When",)))
+        layout(columns, given=ExportMapping(time=("When",)))
 
 
 def test_what_is_not_used_is_named() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 
-from monitor.adapters.historian.mapping import Mapping
+from monitor.adapters.historian.mapping import ExportMapping
 from monitor.adapters.historian.reader import inspect
 from monitor.adapters.historian.recognised import different_rows, texts_of
 from monitor.adapters.historian.rows import UnusableError
@@ -39,7 +39,7 @@ def test_a_mode_that_nobody_understands_is_not_passed_over(tmp_path: Path, headi
 
 
 def test_the_user_says_what_a_mode_means(tmp_path: Path) -> None:
-    source = inspect(made(tmp_path, ",A.MODE", ",16"), given=Mapping(modes={"16": 0}))
+    source = inspect(made(tmp_path, ",A.MODE", ",16"), given=ExportMapping(modes={"16": 0}))
     assert source.modes == (("16", 0),)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from monitor.adapters.historian.mapping import Mapping
+from monitor.adapters.historian.mapping import ExportMapping
 from monitor.adapters.historian.time_columns import own_times, time_columns
 from tests.monitor.adapters.historian.test_recognise import TIME, TWO, look
 
@@ -17,7 +17,7 @@ def test_one_column_or_date_and_time_of_day() -> None:
     )
     assert time_columns(look({"epoch": TWO, "x": TWO})) == ("epoch", "")
     assert time_columns(look({"server time": TIME, "source time": TIME})) == ("source time", "")
-    assert time_columns(look({"a": TIME, "b": TIME}, given=Mapping(time=("b",)))) == ("b", "")
+    assert time_columns(look({"a": TIME, "b": TIME}, given=ExportMapping(time=("b",)))) == ("b", "")
 
 
 def test_none() -> None:

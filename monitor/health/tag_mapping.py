@@ -131,11 +131,18 @@ def update(own, last, sp, pv, op):
 @jit
 def _follow_unit(own, last, sp, pv, op):
     """Count a jump of SP and PV as if their unit had changed, once OP has been seen to take no notice."""
-    if own.unit_wait > 0:
+    if own.unit_wait > 0 and sp != last.sp:
+        own.unit_wait = 0  # SP goes on moving: it is led, or tracks PV
+    elif own.unit_wait > 0:
         own.unit_wait -= 1
         if own.unit_wait == 0 and _as_usual(own, op - own.unit_op):
             own.rescaled += 1.0
-    elif sp != last.sp and pv != last.pv and _rescaled(own, last, sp, pv, op - last.op):
+    elif (
+        own.rested > RESTED_SAMPLES
+        and sp != last.sp
+        and pv != last.pv
+        and _rescaled(own, last, sp, pv, op - last.op)
+    ):
         own.unit_wait, own.unit_op = UNIT_SAMPLES, last.op
 
 

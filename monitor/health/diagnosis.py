@@ -17,7 +17,7 @@ from .episodes import Episodes, LoopSpan, episodes_of, too_fast
 from .response import NoResponse, no_response_of
 from .tracking import Tracked, tracking_of, tracking_verdict
 from .two_valued import two_valued
-from .valve import Valve, ValveEvidence, halved, merged, valve_evidence, valve_found
+from .valve import Valve, ValveEvidence, halved, merged, support_of, valve_evidence, valve_found
 
 Array = NDArray[np.float64]
 
@@ -77,6 +77,8 @@ class Signs:
     """Whether the error swings faster than the sampling resolves."""
     valve: Valve | None = None
     """The valve's dead band or stick-slip, where one is seen."""
+    valve_support: float = 0.0
+    """What OP says for a valve at all: for a cycle that has a sticking valve's shape [-]."""
     two_valued: float | None = None
     """Share of samples at which OP has one of two values, where it has hardly another in most blocks."""
     silent: NoResponse | None = None
@@ -190,6 +192,7 @@ class Diagnosis:
         valves = [v for e in self.evidence if e is not None and (v := valve_found(e)) is not None]
         return Signs(
             valve=max(valves, key=lambda v: v.strength, default=None),
+            valve_support=max((support_of(e) for e in self.evidence if e is not None), default=0.0),
             two_valued=self.two_valued if self.two > 0.5 * self.judged else None,
             oscillating_share=own.oscillating_share,
             oscillating=bool(own.oscillating),

@@ -39,6 +39,8 @@ REST_SUMS = ("weight", *RESTS, "reach")
 and the logarithm of the band over OP's range."""
 BESIDE_BANDS = (3, 4)
 """Steps to bands that are another one surely."""
+AGREEING_SHARE = 0.6
+"""Of LR that no block contradicts, for a band that blocks agree on."""
 LEAST_STRENGTH = 0.1
 """Below it nothing speaks for a valve."""
 ANY = math.inf
@@ -242,6 +244,12 @@ def _beside(lr: NDArray[np.float64]) -> NDArray[np.float64]:
             count[away:] += 1.0
             count[:-away] += 1.0
     return np.asarray(np.where(count > 0.0, total / np.maximum(count, 1.0), 0.0))
+
+
+def support_of(evidence: ValveEvidence) -> float:
+    """Return the largest mean LR of a block for any band that no block contradicts: what OP says for a valve at all."""
+    figures = figures_of(evidence)
+    return float(np.max(np.where(figures["agreeing"] > AGREEING_SHARE, figures["per_block"], 0.0)))
 
 
 def valve_found(evidence: ValveEvidence) -> Valve | None:

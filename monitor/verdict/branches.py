@@ -32,6 +32,8 @@ STICKS_INDEX = 0.5
 """Stiction index from which the valve is named."""
 SLAVE_SP_SHARE = 0.5
 """Share of samples at which the set point moves, from which the loop is a cascade's slave or follows a programme."""
+SHAPE_SUPPORT = 150.0
+"""LR of a block from which OP speaks for a valve whose cycle has the shape of one that sticks; healthy loops: 100."""
 LARGE_BAND_SHARE = 0.5
 """Of OP's range, from which a band is the valve's even in data that a historian has compressed."""
 ALWAYS_SHARE, MOST_SPANS = 0.9, 3
@@ -160,13 +162,15 @@ def sticks(health: Health, _tuning: Tuning, loop: Loop) -> str:
             f"the valve sticks: OP travels {valve.band / span:.2g} {unit} after a reversal before PV answers"
         )
     # a load that is no sine gives a cycle that shape, too: what OP does before PV answers has to speak for the valve
-    if valve is None or _of(health.stiction) <= STICKS_INDEX or _of(health.sp_moving) > LED_SP_SHARE:
+    supported = valve is not None or health.signs.valve_support > SHAPE_SUPPORT
+    if not supported or _of(health.stiction) <= STICKS_INDEX or _of(health.sp_moving) > LED_SP_SHARE:
         return ""
     return f"the valve sticks (index {_of(health.stiction):.2f}): {_cycle(health)}"
 
 
 def oscillates(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    swings = health.oscillating or health.signs.oscillating
+    size = max((span.amplitude for span in health.signs.spans), default=0.0)
+    swings = health.oscillating or (health.signs.oscillating and size > _of(health.quantum))
     return _cycle(health) if swings and _of(health.sp_moving) <= LED_SP_SHARE else ""
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor.adapters.historian.clock import zone_of
+from monitor.adapters.historian.layout import TAGS, is_loop_table
 from monitor.adapters.historian.mapping import NO_MAPPING, ExportMapping
 from monitor.adapters.historian.rows import Tally, UnusableError
 from monitor.adapters.historian.tag_roles import read_tag
@@ -136,13 +137,9 @@ def _config(path: Path) -> Finding:
 
 def _has_names(path: Path) -> bool:
     """Whether the file is a loop table: a column ``name``, and no time."""
-    from monitor.adapters.historian.layout import is_time_heading  # noqa: PLC0415 (only for tables)
     from monitor.adapters.historian.reader import headings  # noqa: PLC0415 (pyarrow)
 
-    if path.suffix.lower() == ".xlsx":
-        return False
-    found = [h.lower() for h in headings(path)]
-    return "name" in found and "value" not in found and not any(map(is_time_heading, found))
+    return path.suffix.lower() != ".xlsx" and is_loop_table([h.lower() for h in headings(path)])
 
 
 def _table(path: Path) -> Finding:
@@ -213,7 +210,7 @@ def _data(path: Path, tz: str | None, time_unit: str | None, given: ExportMappin
 def _alone(source: Source) -> str:
     """Say of a file that is a single tag's that its loop's others stand elsewhere; empty for any other file."""
     layout = source.layout
-    if layout.kind != "per tag" or len(layout.incomplete) != 1 or len(layout.stems) != 1 or layout.columns:
+    if layout.kind != TAGS or len(layout.incomplete) != 1 or len(layout.stems) != 1 or layout.columns:
         return ""
     name = next(iter(layout.incomplete))
     tag = read_tag(source.path.stem)

@@ -91,12 +91,18 @@ def clock_of_texts(
     return Clock("text", naive=naive, order=order, fields=not same, epoch=_of_day(ns[good]))
 
 
-def times_of(batch: Any, layout: Layout) -> Any:
-    """Return a batch's times; date and time of day are put together where they stand apart."""
-    time = batch.column(layout.time)
+def times_of(column: Any, layout: Layout) -> Any:
+    """Return a batch's times; date and time of day are put together where they stand apart.
+
+    Parameters
+    ----------
+    column
+        A batch, or columns by heading.
+    """
+    time = column[layout.time]
     if not layout.clock:
         return time
-    return joined_texts(day_only(plain(time)), plain(batch.column(layout.clock)))
+    return joined_texts(day_only(plain(time)), plain(column[layout.clock]))
 
 
 def sparse_of(head: Any, layout: Layout) -> frozenset[str]:
@@ -241,9 +247,7 @@ class Taker:
 
     def times(self, column: Mapping[str, Any]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Read a batch's times: (N,) [ns], local where the clock is naive; (N,) whether each is one."""
-        clock, array = self.clock, plain(column[self.layout.time])
-        if self.layout.clock:
-            array = joined_texts(day_only(array), plain(column[self.layout.clock]))
+        clock, array = self.clock, plain(times_of(column, self.layout))
         if clock.kind == "number":
             ns, good = numbers_to_ns(_time_numbers(array, comma=self.comma), clock)
         else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import csv
 from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,9 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from .clock import Clock
-from .layout import BoundsError, Layout, LoopTableFoundError, is_time_heading, layout_of
-from .look import Look
+from .layout import BoundsError, LoopTableFoundError, is_loop_table, layout_of
 from .mapping import NO_MAPPING, ExportMapping
-from .recognised import different_rows, documented_or_recognised, recognised
+from .recognised import documented_or_recognised, recognised, unread
 from .rows import MOST_KEPT_LINES, Tally
 from .source import MOST_COLUMNS, MOST_LINE_BYTES, Source, headings_of, with_head
 from .table_head import MOST_HEAD_CELLS, MOST_HEAD_ROWS, Head, comma_of, separator_of, table_head
@@ -39,7 +39,7 @@ def inspect_csv(
 
     def documented() -> Source:
         found, delimiter, encoding = csv_head(path)
-        if "name" in found and not any(map(is_time_heading, found)) and "value" not in found:
+        if is_loop_table(found):
             raise LoopTableFoundError("a loop table, not data")
         layout = layout_of(found, path, names)
         source = Source(
@@ -55,11 +55,7 @@ def inspect_csv(
         def batches(headings: list[str]) -> Iterator[Any]:
             return (batch for _, batch in csv_batches(source, headings, lambda _: "skip"))
 
-        look = Look(
-            path, head.headings, head.kinds, dict(zip(head.headings, head.cells, strict=True)),
-            lambda columns: different_rows(batches(list(columns)), columns), names, given,
-        )  # fmt: skip
-        return recognised(source, look, batches, unit)
+        return recognised(source, head.kinds, head.by_heading, batches, names, unit, given)
 
     return documented_or_recognised(documented, by_content, given)
 
@@ -84,12 +80,16 @@ def _with_table(path: Path, name: str, stat: Any, given: ExportMapping) -> tuple
     lines = lines[: max(20, min(MOST_HEAD_ROWS, MOST_HEAD_CELLS // width))]
     rows = [next(csv.reader([line], delimiter=separator), []) for line in lines]
     head = table_head(rows, given.head)
-    decimal = given.decimal or ("," if comma_of(head, separator) else ".")
-    return Source(
-        path, name, stat.st_size, stat.st_mtime_ns, "csv", Layout("", "", {}), Clock("text"),
-        headings=head.headings, delimiter=separator, encoding=encoding, skip=head.data, decimal=decimal,
-        modes=tuple(given.modes.items()), recognised=True,
-    ), head  # fmt: skip
+    source = replace(
+        unread(path, name, stat, given),
+        format="csv",
+        headings=head.headings,
+        delimiter=separator,
+        encoding=encoding,
+        skip=head.data,
+        decimal=given.decimal or ("," if comma_of(head, separator) else "."),
+    )
+    return source, head
 
 
 def csv_head(path: Path) -> tuple[tuple[str, ...], str, str]:

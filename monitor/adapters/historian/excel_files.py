@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 from python_calamine import CalamineError, CalamineWorkbook
 
-from .clock import Clock
-from .layout import Layout
-from .look import Look
 from .mapping import NO_MAPPING, ExportMapping
-from .recognised import different_rows, recognised
+from .recognised import recognised, unread
 from .source import Source
 from .table_head import MOST_HEAD_CELLS, MOST_HEAD_ROWS, comma_of, table_head
 
@@ -32,15 +30,14 @@ def inspect_excel(
 ) -> Source:
     """Look at a workbook: the first sheet that is an export; as `reader.inspect`."""
     wrong: ValueError | None = None
-    for sheet in _open(path).sheet_names:
-        rows = _rows(path, sheet)
+    book = _open(path)
+    for sheet in book.sheet_names:
+        rows = _rows(book, sheet)
         if not rows:
             continue
         try:
-            return _sheet(Source(
-                path, name, stat.st_size, stat.st_mtime_ns, "excel", Layout("", "", {}), Clock("text"),
-                sheet=sheet, modes=tuple(given.modes.items()), recognised=True,
-            ), rows, names, unit, given)  # fmt: skip
+            source = replace(unread(path, name, stat, given), format="excel", sheet=sheet)
+            return _sheet(source, rows, names, unit, given)
         except ValueError as error:
             wrong = wrong or ValueError(f"sheet {sheet!r}: {error}")
     raise wrong or ValueError("no rows in any sheet")
@@ -55,26 +52,23 @@ def _sheet(
 ) -> Source:
     n = max(20, min(MOST_HEAD_ROWS, MOST_HEAD_CELLS // max(1, len(rows[0]))))
     head = table_head([[_text(cell) for cell in row] for row in rows[:n]], given.head)
-    decimal = given.decimal or ("," if comma_of(head, ";") else "")
-    source = Source(
-        source.path, source.name, source.size, source.mtime_ns, "excel", source.layout, source.clock,
-        len(rows) - head.data, head.headings, skip=head.data, decimal=decimal, sheet=source.sheet,
-        modes=source.modes, recognised=True,
-    )  # fmt: skip
+    source = replace(
+        source,
+        rows=len(rows) - head.data,
+        headings=head.headings,
+        skip=head.data,
+        decimal=given.decimal or ("," if comma_of(head, ";") else ""),
+    )
 
     def batches(headings: list[str]) -> Iterator[Any]:
         yield _batch(source, rows, headings)
 
-    look = Look(
-        source.path, head.headings, head.kinds, dict(zip(head.headings, head.cells, strict=True)),
-        lambda columns: different_rows(batches(list(columns)), columns), names, given,
-    )  # fmt: skip
-    return recognised(source, look, batches, unit)
+    return recognised(source, head.kinds, head.by_heading, batches, names, unit, given)
 
 
 def excel_batches(source: Source, headings: list[str]) -> Iterator[tuple[int, Any]]:
     """Read columns of a sheet: (0, batch)."""
-    yield 0, _batch(source, _rows(source.path, source.sheet), headings)
+    yield 0, _batch(source, _rows(_open(source.path), source.sheet), headings)
 
 
 def _open(path: Path) -> Any:
@@ -84,8 +78,8 @@ def _open(path: Path) -> Any:
         raise ValueError(f"no workbook: {error}") from None
 
 
-def _rows(path: Path, sheet: str) -> list[list[Any]]:
-    found = _open(path).get_sheet_by_name(sheet)
+def _rows(book: Any, sheet: str) -> list[list[Any]]:
+    found = book.get_sheet_by_name(sheet)
     if found.total_height * found.total_width > MOST_CELLS:
         raise ValueError(f"sheet {sheet!r}: more than {MOST_CELLS} cells; export it as CSV or Parquet")
     rows: list[list[Any]] = found.to_python(skip_empty_area=False)

@@ -97,6 +97,11 @@ def is_time_heading(heading: str) -> bool:
     return heading_key(heading) in _TIME_WORDS
 
 
+def is_loop_table(headings: Collection[str]) -> bool:
+    """Whether headings are a loop table's: names, and neither times nor values."""
+    return "name" in headings and "value" not in headings and not any(map(is_time_heading, headings))
+
+
 def layout_of(headings: Sequence[str], path: Path, names: Collection[str] = ()) -> Layout:
     """Tell a file's layout by its headings (any case, any order, further columns allowed).
 

@@ -11,11 +11,11 @@ from typing import Any
 
 from monitor.contract.quality import QUALITY_SCALES
 
+from .layout import LONG, PER_LOOP, ROLES, TAGS, TALL, WIDE
 from .table_head import HeadHints
 from .time_formats import order_of_format
 
-ROLES = ("sp", "pv", "op", "auto", "quality")
-KINDS = ("long", "per loop", "wide", "tall", "per tag")
+KINDS = (LONG, PER_LOOP, WIDE, TALL, TAGS)
 MODE_WORDS = ("AUTO", "MAN")
 KEYS = (
     *("kind", "time", "time_format", "separator", "decimal", "encoding", "header_row", "data_row"),

@@ -13,9 +13,8 @@ from .cell_kinds import NUMBER, decimal_comma
 from .cells import is_text, plain
 from .clock import Clock
 from .layout import LONG, BoundsError, Layout, layout_of
-from .look import Look
 from .mapping import NO_MAPPING, ExportMapping
-from .recognised import different_rows, documented_or_recognised, recognised, texts_of
+from .recognised import documented_or_recognised, recognised, texts_of, unread
 from .source import BATCH_CELLS, HEAD_ROWS, MOST_COLUMNS, Source, headings_of, with_head
 from .table_head import MOST_HEAD_ROWS
 
@@ -55,18 +54,20 @@ def inspect_parquet(
     )
 
 
+def _opened(path: Path) -> tuple[Any, Any]:
+    """Open a file and return it with its metadata; refuse what has too many columns."""
+    file = open_parquet(path)
+    if file.metadata.num_columns > MOST_COLUMNS:
+        raise BoundsError(f"{file.metadata.num_columns} columns, expected at most {MOST_COLUMNS}")
+    return file, file.metadata
+
+
 def _by_content(
     path: Path, name: str, names: Collection[str], unit: str | None, stat: Any, given: ExportMapping
 ) -> Source:
-    file = open_parquet(path)
-    meta = file.metadata
-    if meta.num_columns > MOST_COLUMNS:
-        raise BoundsError(f"{meta.num_columns} columns, expected at most {MOST_COLUMNS}")
+    file, meta = _opened(path)
     headings = tuple(file.schema_arrow.names)
-    source = Source(
-        path, name, stat.st_size, stat.st_mtime_ns, "parquet", Layout("", "", {}), Clock("text"), meta.num_rows,
-        headings=headings, modes=tuple(given.modes.items()), recognised=True,
-    )  # fmt: skip
+    source = replace(unread(path, name, stat, given), format="parquet", rows=meta.num_rows, headings=headings)
     first = next(open_parquet(path, columns=len(headings)).iter_batches(MOST_HEAD_ROWS), None)
     if first is None:
         raise ValueError("no rows")
@@ -79,19 +80,13 @@ def _by_content(
     def batches(columns: list[str]) -> Iterator[Any]:
         return (batch for _, batch in parquet_batches(source, columns, None))
 
-    def different(columns: tuple[str, ...]) -> list[tuple[str, ...]]:
-        return different_rows(batches(list(columns)), columns)
-
-    found = recognised(source, Look(path, headings, kinds, cells, different, names, given), batches, unit)
+    found = recognised(source, kinds, cells, batches, names, unit, given)
     _bound(meta, found.layout, stat.st_size)
     return found
 
 
 def _documented(path: Path, name: str, names: Collection[str], unit: str | None, stat: Any) -> Source:
-    file = open_parquet(path)
-    meta = file.metadata
-    if meta.num_columns > MOST_COLUMNS:
-        raise BoundsError(f"{meta.num_columns} columns, expected at most {MOST_COLUMNS}")
+    file, meta = _opened(path)
     layout = layout_of(file.schema_arrow.names, path, names)
     _bound(meta, layout, stat.st_size)
     source = Source(

@@ -122,16 +122,7 @@ def read(
         for name in layout.columns:
             tally.note_unknown_loop(name)
         return
-    headings = headings_of(layout, wanted)
-    lost = 0
-
-    def lose(_: Any) -> str:
-        nonlocal lost
-        lost += 1
-        return "skip"
-
     try:
-        batches = batches_of(source, headings, lose, groups)
         take = Taker(
             source.layout,
             source.clock,
@@ -144,14 +135,30 @@ def read(
                 dict(source.modes), 0 if source.recognised else MODE_UNKNOWN, source.quality_scale
             ),
         )
-        for row, batch in batches:
-            tally.file_rows[source.name] = row + len(batch)
+        for row, batch in counted_batches(source, headings_of(layout, wanted), tally, groups):
             yield from take(row, batch)
-        if lost:
-            tally.lost_lines[source.name] = lost
+        if source.name in tally.lost_lines:
             bad_lines(source, tally)
     except (ValueError, OSError, NotImplementedError, pa.ArrowException) as error:
         raise unusable(source.name, error) from None
+
+
+def counted_batches(
+    source: Source, headings: list[str], tally: Tally, groups: Collection[int] | None = None
+) -> Iterator[tuple[int, Any]]:
+    """Read columns of a file of any format: (first row, batch); count rows, and lines that could not be read."""
+    lost = 0
+
+    def lose(_: Any) -> str:
+        nonlocal lost
+        lost += 1
+        return "skip"
+
+    for row, batch in batches_of(source, headings, lose, groups):
+        tally.file_rows[source.name] = row + len(batch)
+        yield row, batch
+    if lost:
+        tally.lost_lines[source.name] = lost
 
 
 def batches_of(

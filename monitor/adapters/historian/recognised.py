@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .cell_kinds import NUMBER, TIME, WORD, column_kind, kind_of, stands_for_value
 from .cells import MODES, is_text, plain
+from .clock import Clock
 from .layout import TALL, WIDE, BoundsError, Layout, LoopTableFoundError, NotUnderstoodError
 from .look import HELP, DoubtError, Look
 from .mapping import NO_MAPPING, ExportMapping
 from .quality_scales import quality_scale
 from .recognise import recognise
-from .source import Source, with_clock
+from .source import Source, headings_of, with_clock
 from .tall_columns import tag_name
 
 MOST_DIFFERENT = 200_000
@@ -37,10 +39,9 @@ def documented_or_recognised(
     first: ValueError | None = None
     source: Source | None = None
     try:
-        source = documented()
-        used = set(_headings(source.layout))
-        extra = [h for h in source.headings if h not in used]
-        if not extra and not source.layout.incomplete and not _pathed(source.layout):
+        source = _with_unused(documented())
+        layout = source.layout
+        if not (layout.unused or layout.incomplete or _pathed(layout)):
             return source
     except (LoopTableFoundError, BoundsError):
         raise
@@ -53,14 +54,15 @@ def documented_or_recognised(
     except ValueError as error:
         if source is None:
             raise (first if first is not None and isinstance(error, NotUnderstoodError) else error) from None
-        used = set(_headings(source.layout))
-        return replace(
-            source, layout=replace(source.layout, unused=tuple(h for h in source.headings if h not in used))
-        )
-    if source is not None and not _better(found, source):
-        unused = tuple(h for h in source.headings if h not in set(_headings(source.layout)))
-        return replace(source, layout=replace(source.layout, unused=unused))
-    return found
+        return source
+    return found if source is None or _better(found, source) else source
+
+
+def _with_unused(source: Source) -> Source:
+    """Name the columns that a documented layout does not use."""
+    used = set(headings_of(source.layout, None))
+    unused = tuple(h for h in source.headings if h not in used)
+    return replace(source, layout=replace(source.layout, unused=unused))
 
 
 def _pathed(layout: Layout) -> bool:
@@ -73,39 +75,66 @@ def _better(found: Source, source: Source) -> bool:
     """Whether what is in a file says more than its documented layout: more columns, or names without their path."""
     if not source.layout.columns:  # no loop is whole: other files may have the rest
         return True
-    return len(_headings(found.layout)) > len(_headings(source.layout)) or _pathed(source.layout)
+    return _used(found.layout) > _used(source.layout) or _pathed(source.layout)
 
 
-def _headings(layout: Layout) -> list[str]:
-    out = [
-        h for h in (layout.time, layout.clock, layout.loop, layout.value, layout.quality, *layout.tags) if h
-    ]
-    if layout.kind == TALL:
-        return out
-    return out + [h for roles in layout.columns.values() for h in roles.values()]
+def _used(layout: Layout) -> int:
+    """Count the columns that a layout uses, the tags' own times left out."""
+    return len(headings_of(replace(layout, times={}), None))
+
+
+def unread(path: Path, name: str, stat: Any, given: ExportMapping) -> Source:
+    """Return the source of a file that is to be recognised, nothing of it read yet: a format and all else are to come.
+
+    Parameters
+    ----------
+    stat
+        Of the file: its size and time of change.
+    """
+    return Source(
+        path, name, stat.st_size, stat.st_mtime_ns, "", Layout("", "", {}), Clock("text"),
+        modes=tuple(given.modes.items()), recognised=True,
+    )  # fmt: skip
 
 
 def recognised(
-    source: Source, look: Look, batches: Callable[[list[str]], Iterator[Any]], unit: str | None
+    source: Source,
+    kinds: Mapping[str, str],
+    cells: Mapping[str, Sequence[str]],
+    batches: Callable[[list[str]], Iterator[Any]],
+    names: Collection[str],
+    unit: str | None,
+    given: ExportMapping,
 ) -> Source:
     """Return the source of a file that is read by what is in it.
 
     Parameters
     ----------
+    kinds, cells
+        Of its columns, by heading: the kind, and the first cells.
     batches
         Reads these columns of the whole file, in batches.
+    names
+        Names of the loop table.
     unit
         Of numeric times, where the user names it.
+    given
+        What the user says of the file.
 
     Raises
     ------
     ValueError
         It is not understood, or may be read in two ways.
     """
+
+    def different(columns: tuple[str, ...]) -> list[tuple[str, ...]]:
+        return different_rows(batches(list(columns)), columns)
+
+    look = Look(source.path, source.headings, kinds, cells, different, names, given)
     source = replace(source, layout=recognise(look))
-    source = replace(source, quality_scale=look.given.quality_scale or _scale(source.layout, look))
+    source = replace(source, quality_scale=given.quality_scale or _scale(source.layout, look))
     _refuse_unknown_modes(source, look)
-    return with_clock(source, batches, unit, look.given.time_format)
+    return with_clock(source, batches, unit, given.time_format)
 
 
 def _scale(layout: Layout, look: Look) -> str:

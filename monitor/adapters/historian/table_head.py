@@ -34,6 +34,11 @@ class Head:
     """First cells of each column, from the data on."""
 
     @property
+    def by_heading(self) -> dict[str, tuple[str, ...]]:
+        """First cells of each column, by its heading."""
+        return dict(zip(self.headings, self.cells, strict=True))
+
+    @property
     def kinds(self) -> dict[str, str]:
         """Kind of each column, by its heading."""
         return {h: column_kind(c) for h, c in zip(self.headings, self.cells, strict=True)}

@@ -20,7 +20,7 @@ from .cells import codes_of, is_text, modes, numbers, plain, qualities
 from .clock import MissingHourError, to_utc
 from .columns import Taker
 from .layout import NEEDED, TALL
-from .reader import batches_of, unusable
+from .reader import counted_batches, unusable
 from .rows import Rows, Tally, UnusableError
 from .source import ZONED, Source, headings_of
 
@@ -175,18 +175,8 @@ def _series(source: Source, wanted: Mapping[str, int], tally: Tally) -> Iterator
         return
     read = _tall_batch if layout.kind == TALL else _tag_batch
     take = Taker(layout, source.clock, wanted, tally, ZONED, comma=source.comma)
-    lost = 0
-
-    def lose(_: Any) -> str:
-        nonlocal lost
-        lost += 1
-        return "skip"
-
-    for row, batch in batches_of(source, headings_of(layout, wanted), lose):
-        tally.file_rows[source.name] = row + len(batch)
+    for row, batch in counted_batches(source, headings_of(layout, wanted), tally):
         yield from read(source, take, codes, row, batch)
-    if lost:
-        tally.lost_lines[source.name] = lost
 
 
 def _tall_batch(
@@ -240,10 +230,7 @@ def tag_codes(batch: Any, tags: Sequence[str], codes: Mapping[str, int]) -> NDAr
 
 def mode_values(cells: Any, tally: Tally, said: Mapping[str, int]) -> NDArray[np.float64]:
     """Read modes: 1, 0, NaN where the cell does not say."""
-    if not is_text(cells) and not said:
-        number = numbers(cells, tally)
-        return np.select([number == 1, number == 0], [1.0, 0.0], np.nan)
-    found = modes(cells if is_text(cells) else cells.cast("string"), tally, said, 0)
+    found = modes(cells if is_text(cells) or not said else cells.cast("string"), tally, said, 0)
     return np.where(found == MODE_UNKNOWN, np.nan, found.astype(np.float64))
 
 

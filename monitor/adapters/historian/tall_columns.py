@@ -14,36 +14,14 @@ TAG_WORDS = frozenset(
     "variable signal signalname source sensor address tagid measurement channel fullname kks nodeid "
     "messstelle bezeichnung".split()
 )
-VALUE_WORDS = (
-    *(
-        "value",
-        "val",
-        "v",
-        "wert",
-        "messwert",
-        "iptrendvalue",
-        "floatvalue",
-        "reading",
-        "data",
-        "tagvalue",
-        "numericvalue",
-    ),
-    *("avgvalue", "samplevalue", "valuedouble", "doublevalue", "vvalue", "intvalue"),
+VALUE_WORDS = tuple(
+    "value val v wert messwert iptrendvalue floatvalue reading data tagvalue numericvalue avgvalue samplevalue "
+    "valuedouble doublevalue vvalue intvalue".split()
 )
 """Headings of the column of values in a tall table, the first goes before the others."""
-QUALITY_WORDS = (
-    *(
-        "opcquality",
-        "quality",
-        "qualitycode",
-        "qual",
-        "q",
-        "status",
-        "confidence",
-        "dataintegrity",
-        "iptrendqstatus",
-    ),
-    *("qstatus", "qualitaet", "qualität", "statuscode", "sts", "good", "isgood", "qualitydetail", "valid"),
+QUALITY_WORDS = tuple(
+    "opcquality quality qualitycode qual q status confidence dataintegrity iptrendqstatus qstatus qualitaet "
+    "qualität statuscode sts good isgood qualitydetail valid".split()
 )
 """Headings of qualities, likewise: a code of OPC goes before a vendor's."""
 LEAST_TAGS_SHARE = 0.2

@@ -192,8 +192,10 @@ class TextTimes:
         odd = (self._half > 0) & ((hour > 12) | (hour == 0))
         hour = np.where(self._half == 2, hour % 12 + 12, np.where(self._half == 1, hour % 12, hour))
         good = (year >= OLDEST_YEAR) & (year < NEWEST_YEAR) & (month >= 1) & (month <= MONTHS)
-        good &= (day >= 1) & (day <= _days(year, month)) & ~odd & (hour < 24) & (minute < 60) & (second < 60)
-        date = _days_since_1970(np.where(good, year, 1970), np.where(good, month, 1), np.where(good, day, 1))
+        good &= (day >= 1) & ~odd & (hour < 24) & (minute < 60) & (second < 60)
+        first, length = _months(np.where(good, year, 1970), np.where(good, month, 1))
+        good &= day <= length
+        date = first + day - 1
         seconds = date * 86_400 + hour * 3600 + minute * 60 + second
         ns = (seconds - self._offset) * 10**9 + number["f"]
         return np.where(good, ns, 0), good, self._aware & good
@@ -220,19 +222,11 @@ def _zone_seconds(zone: str) -> int:
     return size if found[1] == "+" else -size
 
 
-def _days(year: Ns, month: Ns) -> Ns:
-    leap = (year % 4 == 0) & ((year % 100 != 0) | (year % 400 == 0))
-    days = np.array([31, 31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31])[np.clip(month, 0, MONTHS)]
-    return np.asarray(days + (leap & (month == 2)))
-
-
-def _days_since_1970(year: Ns, month: Ns, day: Ns) -> Ns:
-    """Count days; a year begins in March (Hinnant 2013, days_from_civil)."""
-    y = year - (month <= 2)
-    era = y // 400
-    of_era = y - era * 400
-    of_year = (153 * ((month + 9) % 12) + 2) // 5 + day - 1
-    return np.asarray(era * 146_097 + of_era * 365 + of_era // 4 - of_era // 100 + of_year - 719_468)
+def _months(year: Ns, month: Ns) -> tuple[Ns, Ns]:
+    """Return the first day of months, in days since 1970, and how many days they have."""
+    since = ((year - 1970) * MONTHS + month - 1).astype("datetime64[M]")
+    first, end = (m.astype("datetime64[D]").astype(np.int64) for m in (since, since + 1))
+    return first, end - first
 
 
 def read_text_times(array: Any, order: str = "") -> tuple[Ns, Mask, Mask]:
@@ -314,8 +308,8 @@ def _order_by_days(days: Ns) -> str:
         return ""
     year = np.where(year < CENTURY_YEARS, year + 2000, year)
     spans = {
-        DAY_FIRST: np.ptp(_days_since_1970(year, b, a)) + 1,
-        MONTH_FIRST: np.ptp(_days_since_1970(year, a, b)) + 1,
+        DAY_FIRST: np.ptp(_months(year, b)[0] + a) + 1,
+        MONTH_FIRST: np.ptp(_months(year, a)[0] + b) + 1,
     }
     whole = [order for order, span in spans.items() if span == days.shape[1]]
     return whole[0] if len(whole) == 1 else ""

@@ -7,6 +7,7 @@ as many as a picture needs, so that a dozen models cost what one exact response 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,9 +63,7 @@ def step_curves(
         lags[0] = np.where(sum(lags) > 0, lags[0], np.maximum(dead_time, 1e-9) / 1000)
         models = SelfRegulatingModel(gain, dead_time, *lags)
     if settings.td != 0 and settings.tf == 0:
-        settings = Settings(
-            settings.kp, settings.ti, settings.td, settings.td / 1000, settings.form, settings.b, settings.c
-        )
+        settings = replace(settings, tf=settings.td / 1000)
     if stable is None:
         stable = np.isfinite(np.atleast_1d(np.ravel(peak_sensitivity(models, settings))))
     curves = np.full((len(gain), len(time)), math.nan)

@@ -13,7 +13,7 @@ from monitor.contract.loops import Loop
 from monitor.contract.samples import Array
 from monitor.identify.fit import Fit
 from tuners.curves import step_curves
-from tuners.models import IntegratingModel, Model, SelfRegulatingModel
+from tuners.models import Model
 from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings
 
@@ -110,6 +110,4 @@ def _at(models: Model, rows: list[int]) -> Model:
         np.broadcast_to(np.ravel(x), size)[rows][:, np.newaxis]
         for x in (models.gain, models.dead_time, *models.lags)
     )
-    if isinstance(models, IntegratingModel):
-        return IntegratingModel(gain, dead_time, *lags)
-    return SelfRegulatingModel(gain, dead_time, *lags)
+    return type(models)(gain, dead_time, *lags)

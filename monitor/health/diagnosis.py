@@ -17,7 +17,7 @@ from .episodes import Episodes, LoopSpan, episodes_of, too_fast
 from .response import NoResponse, no_response_of
 from .tracking import Tracked, tracking_of, tracking_verdict
 from .two_valued import two_valued
-from .valve import Valve, ValveEvidence, halved, merged, support_of, valve_evidence, valve_found
+from .valve import Valve, ValveEvidence, halved, merged, valve_and_support, valve_evidence
 
 Array = NDArray[np.float64]
 
@@ -189,10 +189,11 @@ class Diagnosis:
         own = max(self.episodes, key=lambda e: e.oscillating_share or 0.0)
         said = tracking_verdict(list(self.moves))
         within = max((m.delay + 3.0 * m.lag for m in self.moves if m.verdict == said), default=None)
-        valves = [v for e in self.evidence if e is not None and (v := valve_found(e)) is not None]
+        seen = [valve_and_support(e) for e in self.evidence if e is not None]
+        valves = [valve for valve, _ in seen if valve is not None]
         return Signs(
             valve=max(valves, key=lambda v: v.strength, default=None),
-            valve_support=max((support_of(e) for e in self.evidence if e is not None), default=0.0),
+            valve_support=max((support for _, support in seen), default=0.0),
             two_valued=self.two_valued if self.two > 0.5 * self.judged else None,
             oscillating_share=own.oscillating_share,
             oscillating=bool(own.oscillating),

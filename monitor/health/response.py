@@ -115,9 +115,23 @@ def no_response_of(
             return None
         way = 0.0 if held else float(u[last - 1] - u[first])
         kind: Kind = "held" if held else "slow_integral" if abs(way) < HARDLY_SHARE * op_span else "no_answer"
-        right = None if held or direction == 0 else way * mean * direction > 0.0
-        return NoResponse(kind, a, b, mean, way, right, _rests_at_extreme(op, op_sd))
+        return NoResponse(
+            kind, a, b, mean, way, goes_right(mean, way, direction), _rests_at_extreme(op, op_sd)
+        )
     return None
+
+
+def goes_right(error: float, op_way: float, direction: int) -> bool | None:
+    """Return whether OP goes where it takes an error [PV] away; None where a sign is not known, or OP rests.
+
+    Parameters
+    ----------
+    op_way
+        Net way of OP, signed [OP].
+    direction
+        Sign of the controller's gain; 0 where it is not known.
+    """
+    return None if op_way == 0.0 or direction == 0 else op_way * error * direction > 0.0
 
 
 def _averaged(x: Array, edges: NDArray[np.int64]) -> Array:

@@ -246,15 +246,23 @@ def _beside(lr: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.where(count > 0.0, total / np.maximum(count, 1.0), 0.0))
 
 
-def support_of(evidence: ValveEvidence) -> float:
-    """Return the largest mean LR of a block for any band that no block contradicts: what OP says for a valve at all."""
-    figures = figures_of(evidence)
-    return float(np.max(np.where(figures["agreeing"] > AGREEING_SHARE, figures["per_block"], 0.0)))
-
-
 def valve_found(evidence: ValveEvidence) -> Valve | None:
     """Return the valve that the evidence shows best; None where nothing speaks for one."""
+    return valve_and_support(evidence)[0]
+
+
+def valve_and_support(evidence: ValveEvidence) -> tuple[Valve | None, float]:
+    """Return the valve that the evidence shows best, and what OP says for a valve at all.
+
+    That is the largest mean LR of a block for any band that no block contradicts.
+    """
     figures = figures_of(evidence)
+    support = np.where(figures["agreeing"] > AGREEING_SHARE, figures["per_block"], 0.0)
+    return _named(evidence, figures), float(np.max(support))
+
+
+def _named(evidence: ValveEvidence, figures: dict[str, NDArray[np.float64]]) -> Valve | None:
+    """Return the valve that an alternative names, or comes nearest to; None where nothing speaks for one."""
     strength = np.zeros(figures["lr"].shape)
     for alternative in ALTERNATIVES:
         limits = {name: limit for name, limit in alternative.items() if name != "lr"}

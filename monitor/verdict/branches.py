@@ -13,6 +13,7 @@ from monitor.contract.records import GOOD, RETUNE
 from monitor.contract.text import duration
 from monitor.contract.times import iso
 from monitor.health.loop_health import Health
+from monitor.health.response import goes_right
 from tuners.models import INTEGRATING, IntegratingModel, SelfRegulatingModel
 
 from .parts import Tuning
@@ -253,7 +254,7 @@ def silent(health: Health, tuning: Tuning, loop: Loop) -> str:
         return ""
     time = duration(health.signs.silent_time)
     way = f"OP went by {silent.op_way:+.3g} [OP] in {time}, and PV stayed {-silent.error:+.3g} [PV] from the set point"
-    if silent.op_way * silent.error * math.copysign(1.0, loop.kp or 0.0) < 0.0 and loop.kp:
+    if goes_right(silent.error, silent.op_way, int(np.sign(loop.kp or 0.0))) is False:
         return f"PV does not answer OP: {way}, which is the wrong way for the sign of kp"
     if silent.kind == "slow_integral":
         return f"PV does not answer OP: {way}; the integral action is far too slow, or something holds OP"

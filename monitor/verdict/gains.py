@@ -15,6 +15,15 @@ from monitor.identify.fit import Fit, combine, contradictory
 
 OP, PV = 0, 1
 """Places of the signals in a finding's levels."""
+NAMES = ("OP", "PV")
+WHY = {
+    OP: (
+        "a split range, a valve whose gain is not constant, or an output without effect on one side; settings for the "
+        "larger gain are safe on both"
+    ),
+    PV: "the process differs with its level; settings have to hold for the larger gain",
+}
+"""What a gain that goes with a signal comes from, and what follows; the likelier first."""
 LEAST_RATIO = 1.3
 """Of the two sides' gains, below which they are one."""
 LEAST_EVENTS = 3
@@ -31,20 +40,11 @@ def goes_with(findings: list[Finding]) -> str:
     findings
         Of one loop, of one kind of process, each with a model.
     """
-    split = _split(findings, OP)
-    if split is not None:
-        at, low, high = split
-        return (
-            f"the gain is {low:.2g} with OP below {at:.3g} and {high:.2g} above: a split range, a valve whose gain is "
-            "not constant, or an output without effect on one side; settings for the larger gain are safe on both"
-        )
-    split = _split(findings, PV)
-    if split is not None:
-        at, low, high = split
-        return (
-            f"the gain is {low:.2g} with PV below {at:.3g} and {high:.2g} above: the process differs with its level; "
-            "settings have to hold for the larger gain"
-        )
+    for signal, why in WHY.items():
+        split = _split(findings, signal)
+        if split is not None:
+            at, low, high = split
+            return f"the gain is {low:.2g} with {NAMES[signal]} below {at:.3g} and {high:.2g} above: {why}"
     return ""
 
 

@@ -58,15 +58,16 @@ def draw(truth: str, process: Process, number: int, seed: int) -> Case:
             return Case(truth, spec, Simulation([spec]).advance(SAMPLES), ratio)
 
 
-def _log(rng: np.random.Generator, low: float, high: float) -> float:
+def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number whose logarithm is uniform."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def _plant(rng: np.random.Generator, process: Process) -> Plant:
-    dead_time = _log(rng, 2.0, 12.0)
+    dead_time = log_uniform(rng, 2.0, 12.0)
     count = int(rng.integers(0 if process == "integrating" else 1, 3))
     ratio = (0.2, 2.0) if process == "integrating" else (0.5, 6.0)
-    lags = tuple(dead_time * _log(rng, *ratio) for _ in range(count))
+    lags = tuple(dead_time * log_uniform(rng, *ratio) for _ in range(count))
     gain = 0.2 / dead_time if process == "integrating" else 1.0
     return Plant(process, gain * float(rng.choice([-1.0, 1.0])), dead_time, lags)
 
@@ -74,7 +75,7 @@ def _plant(rng: np.random.Generator, process: Process) -> Plant:
 def _healthy(rng: np.random.Generator, plant: Plant) -> Controller:
     derivative = plant.integrating and bool(rng.random() < 0.2)
     base = robust_simc(plant, 1.0, derivative)
-    slower = replace(base, kp=base.kp * _log(rng, 0.5, 1.0))
+    slower = replace(base, kp=base.kp * log_uniform(rng, 0.5, 1.0))
     if plant.integrating:  # a lower gain with the same reset would roll
         slower = replace(slower, ti=slower.ti * base.kp / slower.kp)
     return slower if margin(plant, slower, 1.0).ms <= 2.0 else base
@@ -91,10 +92,14 @@ def _disturbed(rng: np.random.Generator, spec: LoopSpec, share: float) -> LoopSp
     """Add steps of set point and load at irregular times, in a share of the loops."""
     if rng.random() > share:
         return spec
-    n = int(rng.integers(2, 12))
-    times = np.sort(rng.choice(np.arange(300, SAMPLES - 300), 2 * n, replace=False)).astype(float)
+    return with_steps(rng, spec, int(rng.integers(2, 12)), (300, SAMPLES - 300))
+
+
+def with_steps(rng: np.random.Generator, spec: LoopSpec, n: int, between: tuple[int, int]) -> LoopSpec:
+    """Add as many steps of set point, and of load, at irregular times ``between`` two samples."""
+    times = np.sort(rng.choice(np.arange(*between), 2 * n, replace=False)).astype(float)
     kinds = rng.permutation(2 * n) < n
-    size = spec.noise * _log(rng, 5.0, 40.0)
+    size = spec.noise * log_uniform(rng, 5.0, 40.0)
     up = size * rng.choice([-1.0, 1.0], n) * rng.uniform(0.5, 1.0, n)
     load = size * abs(spec.controller.kp) * rng.choice([-1.0, 1.0], n) * rng.uniform(0.5, 1.0, n)
     return replace(
@@ -104,7 +109,7 @@ def _disturbed(rng: np.random.Generator, spec: LoopSpec, share: float) -> LoopSp
 
 def _quiet(rng: np.random.Generator, spec: LoopSpec) -> tuple[LoopSpec, float]:
     effect = float(np.std(_error(replace(spec, wander=1.0))))
-    ratio = _log(rng, 0.2, 10.0)
+    ratio = log_uniform(rng, 0.2, 10.0)
     return _disturbed(rng, replace(spec, noise=0.1, wander=0.1 * ratio / effect), 0.67), ratio
 
 
@@ -116,7 +121,7 @@ def _sticking(rng: np.random.Generator, spec: LoopSpec) -> tuple[LoopSpec, float
     # it cycles, and goes on to
     if min(halves) < 0.8 * max(halves) or _crossings(e) < LEAST_CYCLES:
         return None
-    ratio = _log(rng, 2.5, 40.0)
+    ratio = log_uniform(rng, 2.5, 40.0)
     noise = amplitude / ratio
     if noise * abs(spec.controller.kp) > 0.2:  # the noise on OP would shake the valve free
         return None
@@ -134,30 +139,30 @@ def _crossings(e: NDArray[np.float64]) -> int:
 
 
 def _sine(rng: np.random.Generator, spec: LoopSpec) -> tuple[LoopSpec, float]:
-    period = round(_log(rng, 12.0, 100.0))
+    period = round(log_uniform(rng, 12.0, 100.0))
     times = np.arange(STAIRS) * period / STAIRS
     sizes = np.diff(np.sin(2 * np.pi * (np.arange(STAIRS + 1)) / STAIRS))
     load = Steps(tuple(times), tuple(sizes), float(period))
     amplitude = float(np.ptp(_error(replace(spec, load=load))) / 2)
-    ratio = _log(rng, 2.0, 40.0)
+    ratio = log_uniform(rng, 2.0, 40.0)
     effect = float(np.std(_error(replace(spec, wander=1.0))))
     noise = amplitude / ratio
-    wander = noise * _log(rng, 0.1, 1.0) / effect
+    wander = noise * log_uniform(rng, 0.1, 1.0) / effect
     return replace(spec, load=load, noise=noise, wander=wander), ratio
 
 
 def _brink(rng: np.random.Generator, spec: LoopSpec) -> tuple[LoopSpec, float] | None:
-    brink = at_sensitivity(spec.plant, spec.controller, 1.0, _log(rng, 10.0, 20.0))
+    brink = at_sensitivity(spec.plant, spec.controller, 1.0, log_uniform(rng, 10.0, 20.0))
     if rng.random() < 0.5:
         spec = replace(spec, controller=brink, noise=0.1)
         effect = float(np.std(_error(replace(spec, noise=0.0, wander=1.0))))
         if not effect < 1e4:  # unstable after all
             return None
-        return replace(spec, wander=0.1 * _log(rng, 1.0, 10.0) / effect), 1.0
-    limits = replace(brink, kp=brink.kp * _log(rng, 1.15, 1.5), op_low=40.0, op_high=60.0)
+        return replace(spec, wander=0.1 * log_uniform(rng, 1.0, 10.0) / effect), 1.0
+    limits = replace(brink, kp=brink.kp * log_uniform(rng, 1.15, 1.5), op_low=40.0, op_high=60.0)
     beyond = replace(spec, controller=limits, load=Steps((10.0,), (float(rng.uniform(-5, 5)),)))
     e = _error(beyond)
     if _crossings(e) < LEAST_CYCLES or not 1e-6 < np.ptp(e) < 1e6:
         return None
-    ratio = _log(rng, 3.0, 40.0)
+    ratio = log_uniform(rng, 3.0, 40.0)
     return replace(beyond, noise=float(np.ptp(e)) / 2 / ratio), ratio

@@ -151,6 +151,19 @@ def _valve(settings, memory, op, pv, step):
 
 
 @jit
+def _step(phi, gamma, u, state, fresh):
+    """Let the plant's state go on by a step under an input (in place); ``fresh`` is room for it."""
+    m = len(state)
+    for i in range(m):
+        total = gamma[i] * u
+        for j in range(m):
+            total += phi[i, j] * state[j]
+        fresh[i] = total
+    for i in range(m):
+        state[i] = fresh[i]
+
+
+@jit
 def _run(
     phi, gamma, c, settings, step, scan, state, line, outputs, memory, sp, load, noise, added
 ):  # fmt: skip
@@ -176,13 +189,6 @@ def _run(
             memory[7] = outputs[(turn + 1) % (late + 1)]
         pvs[k], ops[k] = seen, memory[7]
         line[at % (delay + 1)] = _valve(settings, memory, memory[7], pv, step) + load[k]
-        u = line[(at + 1) % (delay + 1)]
-        for i in range(m):
-            total = gamma[i] * u
-            for j in range(m):
-                total += phi[i, j] * state[j]
-            fresh[i] = total
-        for i in range(m):
-            state[i] = fresh[i]
+        _step(phi, gamma, line[(at + 1) % (delay + 1)], state, fresh)
         memory[0] += 1
     return pvs, ops

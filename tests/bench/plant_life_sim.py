@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from monitor.compiled import jit
 from tests.bench.mismatch_plant import Floats, Law, Plant, held
-from tests.bench.mismatch_sim import LAWS, VALVES, Valve, _law, _valve
+from tests.bench.mismatch_sim import LAWS, VALVES, Valve, _law, _step, _valve
 
 Bools = NDArray[np.bool_]
 STEP_S = 1.0
@@ -111,7 +111,7 @@ def live(body: Body, what: Inputs) -> Lived:
 
 
 @jit
-def _live(  # noqa: C901 (one loop in which the order counts)
+def _live(
     phi, gamma, c, settings, free, more, line, sp, load, noise, beyond, factor, added, auto, moved, frozen, shut
 ):  # fmt: skip
     n, m, delay = len(sp), len(gamma), len(line) - 1
@@ -144,12 +144,5 @@ def _live(  # noqa: C901 (one loop in which the order counts)
             stem = _valve(settings, memory, max(op, floor), pv, 1.0) * factor[k]
         stems[k] = stem
         line[k % (delay + 1)] = stem + load[k]
-        u = line[(k + 1) % (delay + 1)]
-        for i in range(m):
-            total = gamma[i] * u
-            for j in range(m):
-                total += phi[i, j] * state[j]
-            fresh[i] = total
-        for i in range(m):
-            state[i] = fresh[i]
+        _step(phi, gamma, line[(k + 1) % (delay + 1)], state, fresh)
     return pvs, ops, trues, stems

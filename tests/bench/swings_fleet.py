@@ -24,6 +24,7 @@ from sim_plants.margins import at_sensitivity, margin
 from sim_plants.plants import Plant
 from sim_plants.settings import robust_simc
 from sim_plants.specs import LoopSpec, Steps
+from tests.bench.health_fleet import log_uniform, with_steps
 
 Array = NDArray[np.float64]
 SHAPES = ("sine", "square", "sawtooth", "triangle")
@@ -51,11 +52,6 @@ class Swing:
     spans: tuple[tuple[int, int], ...]
     period: float
     amplitude: float
-
-
-def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a number whose logarithm is uniform."""
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def wave(shape: str, phase: Array) -> Array:
@@ -168,15 +164,7 @@ def _spread(spec: LoopSpec) -> float:
 
 
 def _stepped(rng: np.random.Generator, spec: LoopSpec, total: int) -> LoopSpec:
-    count = int(rng.integers(1, 7))
-    times = np.sort(rng.choice(np.arange(50, total - 50), 2 * count, replace=False)).astype(float)
-    kinds = rng.permutation(2 * count) < count
-    size = spec.noise * log_uniform(rng, 5.0, 40.0)
-    up = size * rng.choice([-1.0, 1.0], count) * rng.uniform(0.5, 1.0, count)
-    load = size * abs(spec.controller.kp) * rng.choice([-1.0, 1.0], count) * rng.uniform(0.5, 1.0, count)
-    return replace(
-        spec, setpoint=Steps(tuple(times[kinds]), tuple(up)), load=Steps(tuple(times[~kinds]), tuple(load))
-    )
+    return with_steps(rng, spec, int(rng.integers(1, 7)), (50, total - 50))
 
 
 def shut(rng: np.random.Generator) -> Record:

@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from tests.bench.health_fleet import log_uniform
+
 Array = NDArray[np.float64]
 SOUND = (
     "healthy",
@@ -133,10 +135,6 @@ def simulate(plant, pi, valve, signals, every):
     return out
 
 
-def _log(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-
-
 def draw(kind: str, process: str, number: int, seed: int) -> Case:
     """Draw one loop; the same arguments give the same loop."""
     rng = np.random.default_rng([seed, number, KINDS.index(kind), PROCESSES.index(process)])
@@ -149,15 +147,15 @@ def draw(kind: str, process: str, number: int, seed: int) -> Case:
 def _plant(rng: np.random.Generator, process: str, every: int) -> _Loop:
     integrating = process == "level"
     if integrating:
-        delay, lag = round(_log(rng, 1, 4) * every), _log(rng, 0.5, 5.0) * every
+        delay, lag = round(log_uniform(rng, 1, 4) * every), log_uniform(rng, 0.5, 5.0) * every
         t0 = delay + lag
-        time = t0 * _log(rng, 1.5, 6.0)
+        time = t0 * log_uniform(rng, 1.5, 6.0)
         return _Loop(True, 1.0 / time, lag, delay, time / (time + t0) * 1.0, 4.0 * (time + t0), time)
     delay, lag = (
-        round(_log(rng, 1, 3) * every ** rng.uniform(0, 1)),
-        _log(rng, 1.0, 10.0) * every ** rng.uniform(0, 1),
+        round(log_uniform(rng, 1, 3) * every ** rng.uniform(0, 1)),
+        log_uniform(rng, 1.0, 10.0) * every ** rng.uniform(0, 1),
     )
-    time = max(delay, 1) * _log(rng, 1.0, 5.0)
+    time = max(delay, 1) * log_uniform(rng, 1.0, 5.0)
     return _Loop(False, 1.0, lag, delay, lag / (time + delay), max(min(lag, 4.0 * (time + delay)), 1.0), time)
 
 
@@ -171,7 +169,7 @@ def _spoilt(rng: np.random.Generator, loop: _Loop, kind: str) -> None:
         * np.exp(-1j * w * (loop.delay + 0.5))
     )
     if kind == "integral":
-        loop.ti /= _log(rng, 3.0, 8.0)
+        loop.ti /= log_uniform(rng, 3.0, 8.0)
     for _ in range(40):
         ms = _peak(plant * loop.kp * (1 + 1 / (1j * w * loop.ti)))
         if kind == "brink":
@@ -221,12 +219,12 @@ def _wave(rng: np.random.Generator, n: int, kind: str, period: float) -> Array:
 def _upset(rng: np.random.Generator, n: int, kind: str, time: float) -> Array:
     """A load of the kind's own."""
     if kind in {"sine", "square", "triangle"}:
-        return _log(rng, 2.0, 30.0) * _wave(rng, n, kind, _log(rng, 4.0, 100.0) * time)
+        return log_uniform(rng, 2.0, 30.0) * _wave(rng, n, kind, log_uniform(rng, 4.0, 100.0) * time)
     if kind == "drift":
         turns = np.sort(rng.integers(0, n, int(rng.integers(2, 30))))
-        return _log(rng, 3.0, 50.0) * np.interp(np.arange(n), turns, rng.uniform(-1, 1, len(turns)))
+        return log_uniform(rng, 3.0, 50.0) * np.interp(np.arange(n), turns, rng.uniform(-1, 1, len(turns)))
     if kind == "walk":
-        return _log(rng, 3.0, 50.0) * _wander(rng, n, n / _log(rng, 1.0, 20.0))
+        return log_uniform(rng, 3.0, 50.0) * _wander(rng, n, n / log_uniform(rng, 1.0, 20.0))
     return np.zeros(n)
 
 
@@ -237,28 +235,28 @@ def _try(rng: np.random.Generator, kind: str, process: str) -> Case | None:
     if kind in {"brink", "integral"}:
         _spoilt(rng, loop, kind)
     elif rng.random() < SLUGGISH_SHARE:
-        slower = _log(rng, 1.5, 10.0)
+        slower = log_uniform(rng, 1.5, 10.0)
         loop.kp /= slower
-        loop.ti *= slower if loop.integrating else _log(rng, 1.0, 3.0)
-    band = _log(rng, 0.5, 5.0) if kind in STICKING else 0.0
-    effect = _log(rng, 1.0, 30.0) if kind in STICKING else 0.0
-    noise = band / effect if band else _log(rng, 0.05, 1.0)
+        loop.ti *= slower if loop.integrating else log_uniform(rng, 1.0, 3.0)
+    band = log_uniform(rng, 0.5, 5.0) if kind in STICKING else 0.0
+    effect = log_uniform(rng, 1.0, 30.0) if kind in STICKING else 0.0
+    noise = band / effect if band else log_uniform(rng, 0.05, 1.0)
     unit = band or noise
     slow = max(loop.time, loop.ti, every)
-    wide = _log(rng, 0.02, 0.3) if band and rng.random() < 0.4 else _log(rng, 0.1, 3.0)
-    load = unit * wide * _wander(rng, n, slow * _log(rng, 2.0, 100.0))
+    wide = log_uniform(rng, 0.02, 0.3) if band and rng.random() < 0.4 else log_uniform(rng, 0.1, 3.0)
+    load = unit * wide * _wander(rng, n, slow * log_uniform(rng, 2.0, 100.0))
     sp = np.zeros(n)
     if rng.random() < {"setpoint": 1.0, "healthy": 0.67}.get(kind, 0.3):
-        sp += _moves(rng, n, int(rng.integers(2, 20)), unit * _log(rng, 3.0, 40.0))
+        sp += _moves(rng, n, int(rng.integers(2, 20)), unit * log_uniform(rng, 3.0, 40.0))
     if rng.random() < (0.0 if band and wide < 0.1 else {"healthy": 0.5}.get(kind, 0.2)):
-        load += _moves(rng, n, int(rng.integers(2, 20)), unit * _log(rng, 3.0, 30.0))
+        load += _moves(rng, n, int(rng.integers(2, 20)), unit * log_uniform(rng, 3.0, 30.0))
     load += unit * _upset(rng, n, kind, max(loop.time, every))
     measured = rng.normal(size=n)
     if rng.random() < 0.3:
-        measured = _wander(rng, n, every * _log(rng, 1.0, 5.0))
+        measured = _wander(rng, n, every * log_uniform(rng, 1.0, 5.0))
     op_quantum = 0.0
     if kind == "quantised" and rng.random() < 0.5:
-        op_quantum = noise * loop.kp * _log(rng, 0.5, 5.0)
+        op_quantum = noise * loop.kp * log_uniform(rng, 0.5, 5.0)
     jump = band * rng.uniform(0.2, 0.9) if kind == "slip" else 0.0
     which = STICKING.index(kind) + 1 if band else 0
     plant = np.array([float(loop.integrating), loop.gain, loop.lag, float(loop.delay)])
@@ -275,9 +273,9 @@ def _try(rng: np.random.Generator, kind: str, process: str) -> Case | None:
     if np.ptp(op) > 95.0 or not np.all(np.isfinite(pv)):
         return None
     if kind == "quantised":
-        quantum = noise * _log(rng, 0.5, 5.0)
+        quantum = noise * log_uniform(rng, 0.5, 5.0)
         pv = np.round(pv / quantum) * quantum
-    gain = float(rng.choice([-1.0, 1.0])) * _log(rng, 0.05, 20.0)
+    gain = float(rng.choice([-1.0, 1.0])) * log_uniform(rng, 0.05, 20.0)
     # a valve that opens where the controller closes is as usual
     return Case(
         kind,

@@ -43,7 +43,7 @@ STATIONS: dict[str, tuple[str, ...]] = {
         ),
         "view.process",
     ),
-    "audit": ("contract", "engine", "verdict", "adapters", "report"),
+    "audit": ("compiled", "contract", "engine", "verdict", "adapters", "report"),
     "importing": ("contract", "adapters", "audit"),
     "check": ("contract", "advise", "adapters", "service.config", "check_controller"),
     "check_controller": ("contract", "detect.event", "identify"),

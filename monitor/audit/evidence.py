@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
-from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from monitor.compiled import jit
 from monitor.contract.evidence import Answers, Window
 from monitor.contract.records import DISTURBANCE, GOOD, NOT_ASSESSED, LoopRow
 from monitor.contract.samples import Array, Samples
@@ -92,44 +91,49 @@ class Keeper:
 
 
 class Trends:
-    """Takes samples as they come, and keeps the newest of each loop: what is seen of one that has no event."""
+    """Takes samples as they come, and keeps the newest of each loop: what is seen of one that has no event.
+
+    Parameters
+    ----------
+    names
+        Of the loops, by row.
+    """
 
     def __init__(self, names: Sequence[str]) -> None:
         self.names = names
-        self._newest: dict[int, list[NDArray[Any]]] = {}
+        self._n = np.zeros(len(names), np.int64)
+        """(L,) samples that went through a loop's ring."""
+        self._time = np.zeros((len(names), TREND_SAMPLES), np.int64)
+        self._levels = np.zeros((len(names), TREND_SAMPLES, 3), np.float32)
+        """(L, `TREND_SAMPLES`, 3) SP, PV, OP."""
 
     def take(self, samples: Samples) -> None:
         """Keep the newest `TREND_SAMPLES` of each loop, each loop's times increasing."""
-        if not len(samples):
-            return
-        order = np.argsort(samples.loop, kind="stable")
-        loops = samples.loop[order]
-        edges = [0, *(np.flatnonzero(np.diff(loops)) + 1), len(loops)]
-        for a, b in pairwise(map(int, edges)):
-            rows = order[max(a, b - TREND_SAMPLES) : b]
-            levels = [c[rows].astype(np.float32) for c in (samples.sp, samples.pv, samples.op)]
-            new: list[NDArray[Any]] = [samples.time[rows], *levels]
-            old = self._newest.get(int(loops[a])) if len(rows) < TREND_SAMPLES else None
-            if old is not None:
-                new = [np.concatenate([o, n])[-TREND_SAMPLES:] for o, n in zip(old, new, strict=True)]
-            self._newest[int(loops[a])] = new
+        _keep_newest(samples.columns(), self._n, self._time, self._levels)
 
     def of(self, names: Iterable[str]) -> list[Kept]:
         """Return the trends of these loops, thinned: windows without an id, that begin where they begin."""
         wanted, found = set(names), []
-        for row, (time, sp, pv, op) in sorted(self._newest.items()):
+        for row in np.flatnonzero(self._n).tolist():
             if self.names[row] in wanted:
-                levels = {
-                    "sp": sp.astype(np.float64),
-                    "pv": pv.astype(np.float64),
-                    "op": op.astype(np.float64),
-                }
+                first = max(int(self._n[row]) - TREND_SAMPLES, 0)
+                at = np.arange(first, self._n[row]) % TREND_SAMPLES
+                time, levels = self._time[row, at], self._levels[row, at].astype(np.float64)
+                sp, pv, op = levels.T
                 nothing = np.full(len(time), np.nan)
-                whole = Window(
-                    id="", loop=self.names[row], onset=int(time[0]), time=time, model=nothing, **levels
-                )
-                found.append(thinned(whole))
+                found.append(thinned(Window("", self.names[row], int(time[0]), time, sp, pv, op, nothing)))
         return found
+
+
+@jit
+def _keep_newest(columns, n, ring_time, ring):
+    """Write samples into their loops' rings; ``n``: samples that went through each (compiled)."""
+    for k in range(len(columns.time)):
+        i = columns.loop[k]
+        at = n[i] % TREND_SAMPLES
+        n[i] += 1
+        ring_time[i, at] = columns.time[k]
+        ring[i, at, 0], ring[i, at, 1], ring[i, at, 2] = columns.sp[k], columns.pv[k], columns.op[k]
 
 
 def thinned(window: Window) -> Kept:

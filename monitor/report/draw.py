@@ -8,7 +8,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import jinja2
 from markupsafe import Markup
@@ -25,6 +25,7 @@ from .looks import LOOKS
 from .section import health_of, section_of
 from .words import clock, facts_of, first_clauses, number, percent
 
+Shown = TypeVar("Shown", Assessment, Window, Answers)
 HERE = Path(__file__).parent
 SHOWN_JOBS, LISTED_JOBS, SHOWN_REMEDIES, SHOWN_NAMES = 10, 100, 8, 6
 """On page one; jobs that are listed a click away, of which all others follow in the table of loops; and so on."""
@@ -107,15 +108,11 @@ def _environment() -> jinja2.Environment:
 def _sections(environment: jinja2.Environment, contents: Contents) -> dict[str, dict[str, Any]]:
     """Return the sections of the loops that have something to be looked at: markup and charts, by loop."""
     template = environment.get_template("loop.html.j2")
-    events: dict[str, list[Assessment]] = {}
-    for event in contents.events:
-        events.setdefault(event.loop, []).append(event)
-    windows: dict[str, list[Window]] = {}
-    for window in contents.windows:
-        windows.setdefault(window.loop, []).append(window)
-    answers: dict[str, list[Answers]] = {}
-    for answer in contents.answers:
-        answers.setdefault(answer.loop, []).append(answer)
+    events, windows, answers = (
+        _by_loop(contents.events),
+        _by_loop(contents.windows),
+        _by_loop(contents.answers),
+    )
     kinds = contents.summary.kinds
     jobs = {name: job for job in contents.summary.jobs for name in job.loops}
     wanted = [r for r in contents.rows if r.loop in windows or kinds[r.loop] != "good"]
@@ -138,6 +135,14 @@ def _sections(environment: jinja2.Environment, contents: Contents) -> dict[str, 
         lean = "\n".join(line for line in map(str.strip, html.splitlines()) if line)
         found[row.loop] = {"html": lean, "health": health_of(row), **charts}
     return found
+
+
+def _by_loop(found: Sequence[Shown]) -> dict[str, list[Shown]]:
+    """Return events, windows or answers by their loop, in their order."""
+    out: dict[str, list[Shown]] = {}
+    for one in found:
+        out.setdefault(one.loop, []).append(one)
+    return out
 
 
 def _index_row(row: LoopRow, kind: str, has_section: bool) -> list[Any]:

@@ -42,7 +42,7 @@ from .evidence import (
     is_load_step,
     op_moved,
 )
-from .index import came_off_rest, index, overshoot
+from .index import came_off_rest, drowns, index, overshoot
 from .predicted import NO_INDICES, Indices
 from .process import Shown, model_of_event, rivals
 from .reference import model_of, settings_of
@@ -59,6 +59,7 @@ RECONSTRUCTED_FLOOR_RATIO = 4.0
 follows no process: its error is neither noise nor the same at all times, and the residuals show a part of it only
 (measured on simulated fleets: without it, one true gain in ten lies outside of the interval)."""
 OFF_REST = "no index: PV was not at its set point when the load came"
+DROWNED = "no index: loads that wander leave as much error all the time, and its settings are not known"
 LOAD_BESIDE = "no index: a load came beside the set-point step, and the error is that one's, too"
 
 
@@ -190,7 +191,8 @@ def _figures(loop: Loop, event: ClosedEvent, of: Fit | None, model: Model | None
     """Return the figures of a verdict: the index by the fit ``of`` it, and Ms where the settings are ``known``."""
     ci = None if of is None else index(loop, event, of)
     ms = current_sensitivity(loop, model, event.period) if known else None
-    return Figures(ci, ms, _predicted(loop, event, model, ci, ms), is_damped(event))
+    drowned = of is not None and drowns(event, of)
+    return Figures(ci, ms, _predicted(loop, event, model, ci, ms, drowned=drowned), is_damped(event))
 
 
 def _levels(event: ClosedEvent) -> tuple[Range, Range]:
@@ -223,14 +225,25 @@ def _why_no_index(event: ClosedEvent, fit: Fit | None) -> str:
     """Say what else is in an event's error; empty where nothing is known to be."""
     if event.kind == LOAD_STEP:
         return OFF_REST if came_off_rest(event) else ""
+    if fit is not None and drowns(event, fit):
+        return DROWNED
     return LOAD_BESIDE if fit is not None and fit.other is not None else ""
 
 
 def _predicted(
-    loop: Loop, event: ClosedEvent, model: Model | None, ci: float | None, ms: float | None
+    loop: Loop,
+    event: ClosedEvent,
+    model: Model | None,
+    ci: float | None,
+    ms: float | None,
+    *,
+    drowned: bool,
 ) -> Indices:
-    """Return the indices predicted: of an event that has shown its own index, or would have but for OP's limits."""
-    if model is None or (ci is None and not at_limit(event)):
+    """Return the indices predicted: of an event that has shown its own index, or would have but for OP's limits.
+
+    Or but for a load that wanders, in whose error its own is drowned.
+    """
+    if model is None or (ci is None and not at_limit(event) and not drowned):
         return NO_INDICES
     return indices_to_come(loop, model, _pair(event, ci), ms, event.period)
 

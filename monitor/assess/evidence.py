@@ -136,13 +136,22 @@ def op_moved(fit: Fit, event: ClosedEvent) -> bool:
 
 def is_explained(fit: Fit, event: ClosedEvent) -> bool:
     """Whether the model leaves nothing but noise: by its share of PV's variance, or by the residuals' size."""
-    small = abs(event.amplitude) < STANDS_OUT_SD * event.error_sd
+    small = is_small(event)
+    if fit.wander is not None:
+        return (
+            not small and not fit.leaves_more and fit.sigma <= LIKE_NOISE_SD * max(event.noise, event.quantum)
+        )
     like_noise = fit.sigma <= LIKE_NOISE_SD * event.error_sd
     others = fit.sigma > FAR_ABOVE_NOISE_SD * event.noise
     if others:
         return fit.quality >= LEAST_DISTURBED_FIT
     in_noise = LEAST_NOISY_LOAD_FIT if event.kind == LOAD_STEP else LEAST_NOISY_FIT
     return fit.quality >= LEAST_FIT or (fit.quality >= in_noise and like_noise and not small)
+
+
+def is_small(event: ClosedEvent) -> bool:
+    """Whether a step does not stand out of what the error does when quiet."""
+    return abs(event.amplitude) < STANDS_OUT_SD * event.error_sd
 
 
 def is_wide(fit: Fit) -> bool:
@@ -255,8 +264,7 @@ def _against_fit(loop: Loop, event: ClosedEvent, fit: Fit, decided: bool) -> lis
     if not decided:
         reasons.append("undecided: an integrating and a self-regulating model fit equally well")
     if not is_explained(fit, event):
-        why = ", and ".join(filter(None, ["something else moved it", swinging(event)]))
-        reasons.append(f"a model explains only {fit.quality:.0%} of PV's movement: {why}")
+        reasons.append(_unexplained(fit, event))
     elif fit.other is not None and fit.size is None and (swings := swinging(event)):
         reasons.append(f"a load beside the step would explain PV's movement, but {swings}")
     if fit.process == SELF_REGULATING and fit.t0 < LEAST_T0_PERIODS * event.period:
@@ -296,6 +304,17 @@ def _against_fit(loop: Loop, event: ClosedEvent, fit: Fit, decided: bool) -> lis
     if is_wide(fit):
         reasons.append(f"{WIDE_GAIN} {low:.3g} ... {high:.3g}")
     return reasons
+
+
+def _unexplained(fit: Fit, event: ClosedEvent) -> str:
+    """Say why a model does not explain an event."""
+    if fit.wander is not None and is_small(event):
+        return (
+            f"the step of {event.amplitude:.3g} [PV] does not stand out of the error that loads leave all the time "
+            f"({event.error_sd:.2g} [PV])"
+        )
+    why = ", and ".join(filter(None, ["something else moved it", swinging(event)]))
+    return f"a model explains only {fit.quality:.0%} of PV's movement: {why}"
 
 
 def _rest_error(event: ClosedEvent) -> float:

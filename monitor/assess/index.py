@@ -8,7 +8,7 @@ import numpy as np
 
 from monitor.contract.loops import Loop
 from monitor.contract.records import LOAD, SETPOINT
-from monitor.detect.event import SETPOINT_RAMP, SETTLED, ClosedEvent
+from monitor.detect.event import MEAN_ABS_SD, SETPOINT_RAMP, SETTLED, ClosedEvent
 from monitor.identify.fit import Fit
 from monitor.identify.response import STEP, load_of_shape
 from tuners.models import INTEGRATING
@@ -17,6 +17,8 @@ from .reference import model_of, reference_error_along, reference_iae, structure
 
 LEAST_ERROR_POINTS = 33
 """Points at which the response to a load is looked at until it can be answered."""
+MOST_WANDER_SHARE = 0.15
+"""Of an event's error, up to which that of a wandering load changes its index by no more than the model's own error."""
 MOST_OFF_REST_SHARE = 0.3
 """Of a load's excursion, by which PV may be off its set point before: that is not the load's error."""
 BELOW_LEAST_SHARE = 0.9
@@ -31,7 +33,7 @@ def index(loop: Loop, event: ClosedEvent, fit: Fit) -> float | None:
     Of an event that was cut short the IAE is a lower bound, so CI is an upper one. It is given where the error
     had died down to a tenth of the step, and where even the bound is too low.
     """
-    if fit.size is None and fit.other is not None:
+    if (fit.size is None and fit.other is not None) or drowns(event, fit):
         return None
     if event.kind == SETPOINT_RAMP:
         return _ramp_index(loop, event, fit)
@@ -43,6 +45,14 @@ def index(loop: Loop, event: ClosedEvent, fit: Fit) -> float | None:
     if event.state != SETTLED and still_far and found >= loop.ci_min:
         return None
     return found
+
+
+def drowns(event: ClosedEvent, fit: Fit) -> bool:
+    """Whether the error that a wandering load leaves all the time is a large part of an event's."""
+    if fit.wander is None:
+        return False
+    always = MEAN_ABS_SD * math.sqrt(max(event.error_sd**2 - event.noise**2, 0.0)) * event.duration
+    return always > MOST_WANDER_SHARE * (event.iae - event.iae_noise)
 
 
 def came_off_rest(event: ClosedEvent) -> bool:

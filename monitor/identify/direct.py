@@ -43,6 +43,7 @@ from .uncertainty import (
     tangent_scatter,
     with_uncertainty,
 )
+from .wander import is_likelier, volume, wander_of, wanders, with_wander
 from .window import BESIDE, EVERY, SINGLE, SearchWindow, op_from_rest, search_window
 
 LEAST_POINTS = 12
@@ -106,7 +107,7 @@ def fit_window(
         An integrating model of the window: where it is not beaten, a self-regulating one's uncertainty is only
         told roughly.
     other_loads
-        A load of another shape may be found.
+        A load of another shape may be found; and one that wanders, but not after a load, for the two are one then.
 
     Returns
     -------
@@ -122,8 +123,11 @@ def fit_window(
         return None
     best, p = found.best, found.best.p
     model = (best.gain, float(p[P_LAG]), float(p[P_DEAD_TIME]), float(p[P_LAG] * p[P_SHARE]))
-    fit = with_uncertainty(process, model, window.time, w.pv, found.residual, best.scatter, period)
-    fit = replace(fit, log_likelihood=found.log_likelihood, n_eff=found.n_eff, valley=best.valley)
+    wander = wander_of(found.window)
+    fit = with_uncertainty(process, model, window.time, window.pv, found.residual, best.scatter, period)
+    fit = replace(
+        fit, log_likelihood=found.log_likelihood, n_eff=found.n_eff, valley=best.valley, wander=wander
+    )
     started = w.points.shape == START and found.other is None
     fit = replace(fit, leaves_more=found.leaves_more, start=best.load if started else 0.0)
     if found.other is not None:
@@ -176,8 +180,10 @@ class _Found:
     """The model of a window."""
 
     best: _Optimum
+    window: SearchWindow
+    """As it was searched in the end."""
     residual: Array
-    """(n,) [PV]."""
+    """(n,) of its points [PV]."""
     log_likelihood: float
     """-n_eff/2 ln(residual variance) of the best model with two lags."""
     n_eff: float
@@ -190,9 +196,13 @@ def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None, other_loads: bo
     """Find the model of a window and its reach; None where OP explains nothing of PV."""
     best, single = search(w.blocks, two_lags)
     mine = best if two_lags else single
-    more = leaves_more(w, mine)
+    more = leaves_more(w, mine) or (not w.load and wanders(w, mine))
     other = with_other_load(w, mine, EVERY if two_lags else SINGLE) if more and other_loads else None
-    if other is not None:
+    walking = with_wander(w, mine, two_lags) if more and other_loads and not w.load else None
+    if walking is not None and (other is None or is_likelier(walking, other)):
+        w, best, single = walking
+        other, more = None, leaves_more(w, best if two_lags else single)
+    elif other is not None:
         w, best = other.window, other.p
         single = best
     rest = np.empty(len(w.blocks.at))
@@ -201,11 +211,11 @@ def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None, other_loads: bo
         return None
     rss = max(rss, LEAST_NOISE_SHARE * float(w.blocks.pv @ w.blocks.pv))
     n_eff = len(rest) / correlation_time(rest)
-    likelihood = -0.5 * n_eff * math.log(rss / len(rest))
+    of_best = -0.5 * n_eff * (math.log(rss / len(rest)) + volume(w) / len(rest))
     if w.kind % 2 == 0:
         found = _one_lag(w, single)
     elif rival is not None and _not_believed(
-        w, best, better_by(likelihood, n_eff, rival.log_likelihood, rival.n_eff)
+        w, best, better_by(of_best, n_eff, rival.log_likelihood, rival.n_eff)
     ):
         found = _one_lag(w, best)
     else:
@@ -226,7 +236,7 @@ def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None, other_loads: bo
     shaped = None if shape in {STEP, START} else Load(load, float(p[P_ONSET]), float(p[P_WIDTH]), shape)
     if not np.isfinite(found.scatter).all():
         return None
-    return _Found(found, residual, likelihood, n_eff, shaped, more)
+    return _Found(found, w, residual, of_best, n_eff, shaped, more)
 
 
 def _not_believed(w: SearchWindow, p: Array, better: float) -> bool:

@@ -51,6 +51,16 @@ class Load:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class Wander:
+    """Noise that goes on: white noise with a walk beside it, as a load that wanders makes it."""
+
+    order: int
+    """1: PV's level walks, 2: its trend."""
+    ratio: float
+    """Variance that the walk gains in a second, in variances of the white noise."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Fit:
     """A half-rule model with its uncertainty."""
 
@@ -68,7 +78,7 @@ class Fit:
     floor: Array
     """(3,) variances to add for model mismatch, which more data do not reduce."""
     quality: float
-    """1 - residual variance / PV variance over the window."""
+    """1 - residual variance / PV variance over the window; the residuals are white where a load wanders (`Wander`)."""
     log_likelihood: float
     """-n_eff/2 ln(residual variance), of a model with two lags where there is one: to compare fits of a window."""
     sigma: float
@@ -83,6 +93,8 @@ class Fit:
     """The load as it came, where that was not at once; of a set-point step: one that came beside it."""
     start: float = 0.0
     """What PV still moved by when the window began, where the loop was not at rest [PV]; it dies away with the lag."""
+    wander: Wander | None = None
+    """What PV's noise is beside white, where that was looked for and found."""
     leaves_more: bool = False
     """More is left of PV than the noise before the event, or was, before a load of another shape was found."""
     valley: Valley | None = None

@@ -22,6 +22,7 @@ from tuners.models import INTEGRATING
 
 from .direct import parts_of_pv
 from .fit import Fit
+from .projection import Beside, innovations
 from .window import op_from_rest
 
 MOST_CELLS = 400
@@ -141,7 +142,7 @@ def _regressed(cells: _Cells, frequencies: Array, dampings: Array, least: float)
     """Regress the residuals on each mode of these frequencies and dampings; ``least`` is the noise's variance."""
     n, p = cells.basis.shape
     omega, damping = np.repeat(frequencies, len(dampings)), np.tile(dampings, len(frequencies))
-    modes = _responses(cells.op, cells.step, omega, damping)
+    modes = _responses(cells.op, cells.step, omega, damping, cells.beside)
     one, two, b = modes[0::2], modes[1::2], modes @ cells.residual
     taken = modes @ cells.basis
     power = np.einsum("ij,ij->i", modes, modes)
@@ -174,6 +175,8 @@ class _Cells(NamedTuple):
     """(n,) mean, projected [PV]."""
     basis: Array
     """(n, p) orthonormal: what parameters explain."""
+    beside: Beside
+    """What goes on in PV's noise: all of these are innovations then."""
 
 
 def _cells(window: EventWindow, fit: Fit) -> _Cells | None:
@@ -201,10 +204,15 @@ def _cells(window: EventWindow, fit: Fit) -> _Cells | None:
     for x in shapes:
         slope = np.diff(x, prepend=x[0])
         parts += [x, slope, np.diff(slope, prepend=slope[0])]
+    walk = fit.wander
+    beside = Beside(False) if walk is None else Beside(False, walk.order, walk.ratio * each)
+    if walk is not None:
+        for x in (r, *parts):
+            innovations(x, at[::each].copy(), beside)
     basis = _orthonormal(np.column_stack(parts))
     r = r - basis @ (basis.T @ r)
     op = np.ascontiguousarray(np.mean(held.reshape(n, each), axis=1))
-    return _Cells(each * fine, each, op, r, basis)
+    return _Cells(each * fine, each, op, r, basis, beside)
 
 
 def _orthonormal(columns: Array) -> Array:
@@ -215,13 +223,14 @@ def _orthonormal(columns: Array) -> Array:
 
 
 @jit
-def _responses(u, step, omega, damping):
+def _responses(u, step, omega, damping, beside):
     """Response of each mode, and its slope over its frequency, to held input, where each of its steps begins.
 
     (2 k, n), the two of a mode one after the other. Inside a step the controller may have answered PV's noise in it.
     """
     n = len(u)
     out = np.empty((2 * len(omega), n))
+    at = step * np.arange(n)
     for k in range(len(omega)):
         w, zeta = omega[k], damping[k]
         root = math.sqrt(1.0 - zeta * zeta)
@@ -236,4 +245,7 @@ def _responses(u, step, omega, damping):
             out[2 * k, i] = a
             out[2 * k + 1, i] = b
             a, b = a_next, b_next
+        if beside.order > 0:
+            innovations(out[2 * k], at, beside)
+            innovations(out[2 * k + 1], at, beside)
     return out

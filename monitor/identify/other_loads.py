@@ -121,4 +121,5 @@ def _thinned(w: Columns) -> Columns:
     """Return the columns at fewer times of PV."""
     thin = max(len(w.at) // GRID_POINTS, 1)
     at = w.at[::thin].copy()
-    return w._replace(at=at, pv=project(w.pv[::thin].copy(), at, w.sloped))
+    measured = w.measured[::thin].copy()
+    return w._replace(at=at, measured=measured, pv=project(measured.copy(), at, w.beside))

@@ -1,4 +1,8 @@
-"""The compiled least squares of a window: what follows linearly is projected out (Golub & Pereyra 1973)."""
+"""The compiled least squares of a window: what follows linearly is projected out (Golub & Pereyra 1973).
+
+Where PV's noise goes on, as a load that wanders makes it, every column is put through the filter that turns that noise
+into innovations: generalised least squares (Aitken 1935), the noise a local level or trend (Harvey 1989, ch. 4).
+"""
 
 from __future__ import annotations
 
@@ -19,6 +23,21 @@ MOST_POINTS = 500
 """Points above which a window is searched in blocks of mean values: long blocks look like a lag."""
 
 
+DIFFUSE = 1e10
+"""Variance of a level, and of a trend, before the first point, in variances of the noise: nothing is known of it."""
+
+
+class Beside(NamedTuple):
+    """What is in PV beside the responses."""
+
+    sloped: bool
+    """A slope goes with the mean: a load that OP did not balance before the event."""
+    order: int = 0
+    """0: white noise; beside that, 1: a level, 2: a trend that wanders (a random walk)."""
+    ratio: float = 0.0
+    """Variance that the walk gains in a second, in variances of a point's white noise."""
+
+
 class Columns(NamedTuple):
     """A window as the compiled functions see it: every point of it, or means over blocks."""
 
@@ -28,33 +47,79 @@ class Columns(NamedTuple):
     """(k,) times from which OP is held [s]; the same as ``at`` where these are all points."""
     held: Array
     """(k,) OP from rest [OP]."""
+    measured: Array
+    """(m,) PV [PV]."""
     pv: Array
-    """(m,) PV, mean (and slope) taken out [PV]."""
+    """(m,) PV, as `project` leaves it [PV]."""
     kind: int
     """0 for an integrating, 1 for a self-regulating process under a set-point step; 2 and 3 with a load."""
     high: Array
     """(5,) upper bounds of the parameters."""
     shape: int
     """How a load comes, within the last of the parameters."""
-    sloped: bool
-    """A slope goes with the mean: a load that OP did not balance before the event."""
+    beside: Beside
 
 
 @jit
-def project(x, t, sloped):
-    """Take mean (and slope) out of a column, in place: c0 and c1 need no search."""
-    n = len(x)
+def project(x, t, beside):
+    """Take mean (and slope) out of a column, in place: c0 and c1 need no search. As innovations where noise goes on."""
     x -= x.mean()
-    if sloped:
-        middle = t.mean()
-        top = bottom = 0.0
-        for i in range(n):
-            top += (t[i] - middle) * x[i]
-            bottom += (t[i] - middle) ** 2
-        slope = top / bottom
-        for i in range(n):
-            x[i] -= slope * (t[i] - middle)
+    if beside.order == 0:
+        return _less_slope(x, t - t.mean()) if beside.sloped else x
+    innovations(x, t, beside)
+    if not beside.sloped or beside.order > 1:  # a trend takes the slope up
+        return x
+    line = t - t[0]
+    innovations(line, t, beside)
+    return _less_slope(x, line)
+
+
+@jit
+def _less_slope(x, line):
+    """Take a line out of a column, in place."""
+    top = bottom = 0.0
+    for i in range(len(x)):
+        top += line[i] * x[i]
+        bottom += line[i] ** 2
+    slope = top / bottom
+    for i in range(len(x)):
+        x[i] -= slope * line[i]
     return x
+
+
+@jit
+def innovations(x, t, beside):
+    """Turn a column into the innovations of white noise and a walk, in place; return the sum of ln of their variances.
+
+    They have the variance of the white noise. The Kalman filter of a local level or trend (Harvey 1989, ch. 4), nothing
+    known of either at the beginning.
+    """
+    order, ratio = beside.order, beside.ratio
+    level = trend = 0.0
+    p11, p12, p22 = DIFFUSE, 0.0, DIFFUSE if order > 1 else 0.0
+    volume = 0.0
+    for i in range(len(x)):
+        s = p11 + 1.0
+        if i >= order:
+            volume += np.log(s)
+        k1, k2 = p11 / s, p12 / s
+        e = x[i] - level
+        x[i] = e / np.sqrt(s)
+        level += k1 * e
+        trend += k2 * e
+        p22 -= k2 * p12
+        p12, p11 = p12 / s, k1
+        if i == len(x) - 1:
+            break
+        dt = t[i + 1] - t[i]
+        if order == 1:
+            p11 += ratio * dt
+        else:
+            level += dt * trend
+            p11 += dt * (2.0 * p12 + dt * (p22 + ratio * dt / 3.0))
+            p12 += dt * (p22 + 0.5 * ratio * dt)
+            p22 += ratio * dt
+    return volume
 
 
 @jit
@@ -62,12 +127,12 @@ def unit_responses(w, p):
     """Return what OP and what a load step of one unit do to PV, gain 1, projected; the latter empty without one."""
     lag2 = p[P_SHARE] * p[P_LAG]
     kind = w.kind % 2
-    x = project(response_at(w.at, w.since, w.held, kind, p[P_DEAD_TIME], p[P_LAG], lag2), w.at, w.sloped)
+    x = project(response_at(w.at, w.since, w.held, kind, p[P_DEAD_TIME], p[P_LAG], lag2), w.at, w.beside)
     if w.kind < 2:
         return x, np.zeros(0)
     age = w.at - p[P_ONSET]
     load = load_of_shape(age, kind, 1.0, p[P_DEAD_TIME], p[P_LAG], lag2, p[P_WIDTH], w.shape)
-    return x, project(load, w.at, w.sloped)
+    return x, project(load, w.at, w.beside)
 
 
 @jit
@@ -172,8 +237,8 @@ def of_pulses(w, gain, p, first, end, area, inverse):
     for k in range(len(first)):
         on = load_response(at - first[k], w.kind % 2, gain, p[P_DEAD_TIME], p[P_LAG], p[P_SHARE] * p[P_LAG])
         off = load_response(at - end[k], w.kind % 2, gain, p[P_DEAD_TIME], p[P_LAG], p[P_SHARE] * p[P_LAG])
+        moved = project((on - off) * (area[k] / (end[k] - first[k])), at, w.beside)
         for i in range(len(at)):
-            moved = (on[i] - off[i]) * area[k] / (end[k] - first[k])
             for j in range(len(inverse)):
-                out[j, k] += inverse[j, i] * moved
+                out[j, k] += inverse[j, i] * moved[i]
     return out

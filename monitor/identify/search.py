@@ -222,8 +222,9 @@ def search(w, second):
     )
     thin = max(len(at) // 100, 1)
     few = at[::thin].copy()
-    pv = project(w.pv[::thin].copy(), few, w.sloped)
-    thinned = Columns(few, w.since, w.held, pv, w.kind, w.high, w.shape, w.sloped)
+    measured = w.measured[::thin].copy()
+    pv = project(measured.copy(), few, w.beside)
+    thinned = Columns(few, w.since, w.held, measured, pv, w.kind, w.high, w.shape, w.beside)
     many = 6 if with_onset else 10
     p = _coarse(thinned, (few[-1] - few[0]) / len(few), many)
     p, _, _, least, _ = descend(w, p, single, 0.0, 20, 1e-5)

@@ -21,6 +21,7 @@ from .projection import (
     P_ONSET,
     P_SHARE,
     P_WIDTH,
+    Beside,
     Columns,
     blocks,
     project,
@@ -44,14 +45,12 @@ class SearchWindow:
     """All points."""
     blocks: Columns
     """Means over blocks, in which a long window is searched; without noise some of its points."""
-    pv: Array
-    """(n,) as it was measured [PV]."""
-    few_pv: Array
-    """(m,) of the blocks, likewise [PV]."""
     noise: float
     """Standard deviation of PV's noise before the event [PV]."""
     quiet: float
     """Most that residuals may have as theirs by noise alone, coloured as it was before the event [PV]."""
+    white: float
+    """The same by white noise alone [PV]."""
     alike: float
     """How many points of it carry the information of one."""
     period: float | None
@@ -65,6 +64,11 @@ class SearchWindow:
         return self.points.kind
 
     @property
+    def each(self) -> float:
+        """How many points a block is the mean of."""
+        return max(round(len(self.points.at) / len(self.blocks.at)), 1) if self.means else 1
+
+    @property
     def of_one_lag(self) -> list[int]:
         """Columns of `slopes`, but the second lag's."""
         if self.points.shape == START:
@@ -74,9 +78,14 @@ class SearchWindow:
         return [0, 1, 3, 4, 5] if self.kind >= 2 else [0, 1, 3]
 
     @property
+    def load(self) -> bool:
+        """Whether it is that of a load step."""
+        return self.kind >= 2 and self.points.shape != START
+
+    @property
     def shows(self) -> bool:
         """Whether OP and PV moved."""
-        return bool(np.any(self.points.held)) and bool(np.ptp(self.pv) != 0)
+        return bool(np.any(self.points.held)) and bool(np.ptp(self.points.measured) != 0)
 
     def with_load(self, shape: int) -> SearchWindow:
         """Return the window for a model in which a load comes in this shape, beside a set-point step at any time.
@@ -90,12 +99,17 @@ class SearchWindow:
                 blocks=self.blocks._replace(shape=shape),
             )
         latest = float(self.points.at[-1])
-        p, b = self.points, self.blocks
-        return replace(
-            self,
-            points=columns((p.at, p.since, p.held, self.pv), self.kind + 2, shape, latest),
-            blocks=columns((b.at, b.since, b.held, self.few_pv), self.kind + 2, shape, latest),
+        points, blocks = (laid_out(w, self.kind + 2, shape, latest) for w in (self.points, self.blocks))
+        return replace(self, points=points, blocks=blocks)
+
+    def wandering(self, order: int, ratio: float) -> SearchWindow:
+        """Return the window for PV in whose noise a level or a trend wanders: as in `Beside`, ``ratio`` of a sample."""
+        points, blocks = (
+            w._replace(beside=w.beside._replace(order=order, ratio=ratio * each))
+            for w, each in ((self.points, 1.0), (self.blocks, self.each))
         )
+        points, blocks = (w._replace(pv=project(w.measured.copy(), w.at, w.beside)) for w in (points, blocks))
+        return replace(self, points=points, blocks=blocks, quiet=self.white, alike=1.0)
 
     def free(self, names: tuple[int, ...]) -> NDArray[np.int64]:
         """Return the places of these parameters, and of a load's onset and width."""
@@ -131,10 +145,14 @@ def search_window(
     else:
         at, mean, since, held = blocks(t, u, y, MOST_POINTS)
         few = (at, since, held, mean)
-    quiet, alike = _quiet(window, load, noise)
-    points = columns((t, t, u, y), kind)
-    laid = SearchWindow(points, columns(few, kind), y, few[-1], noise, quiet, alike, period, not picked)
+    quiet = _quiet(window, load, noise)
+    laid = SearchWindow(columns((t, t, u, y), kind), columns(few, kind), noise, *quiet, period, not picked)
     return laid if window.rested or load else laid.with_load(START)
+
+
+def laid_out(w: Columns, kind: int, shape: int, last_onset: float) -> Columns:
+    """Return columns for another model, of what was measured."""
+    return columns((w.at, w.since, w.held, w.measured), kind, shape, last_onset)
 
 
 def columns(
@@ -152,8 +170,9 @@ def columns(
     at, since, held, pv = raw
     # a load that is looked for beside a set-point step comes at any time, and OP need not have balanced another
     sloped = kind == 0 or (kind == 2 and last_onset > 0.0)
+    beside = Beside(sloped)
     high = bounds(since, kind, last_onset)
-    return Columns(at, since, held, project(pv.copy(), at, sloped), kind, high, shape, sloped)
+    return Columns(at, since, held, pv, project(pv.copy(), at, beside), kind, high, shape, beside)
 
 
 def _noise(window: EventWindow, load: bool) -> float:
@@ -162,15 +181,19 @@ def _noise(window: EventWindow, load: bool) -> float:
     return float(np.std(np.diff(quiet, 2))) / math.sqrt(6.0)
 
 
-def _quiet(window: EventWindow, load: bool, noise: float) -> tuple[float, float]:
-    """Return what noise alone may give residuals, by PV before the event less its slope: (SD [PV], points alike)."""
+def _quiet(window: EventWindow, load: bool, noise: float) -> tuple[float, float, float]:
+    """Return what noise alone may give residuals, by PV before the event less its slope.
+
+    The standard deviation as it is, and of the white noise in it [PV]; how many points carry the information of one.
+    """
     m = max(window.before // 2 if load else window.before, 3)
     t, y = window.time[:m], window.pv[:m]
     rest = y - np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, y, 1))
     spread = float(rest @ rest) / max(m - 2, 1)
     # so few points tell a variance only roughly
     chance = QUIET_SIGMAS * math.sqrt(2.0 / m + 2.0 / len(window))
-    return math.sqrt(max(spread, noise**2) * (1.0 + chance)), correlation_time(rest)
+    most = math.sqrt(1.0 + chance)
+    return math.sqrt(max(spread, noise**2)) * most, noise * most, correlation_time(rest)
 
 
 def op_from_rest(window: EventWindow, load: bool) -> Array:

@@ -225,7 +225,7 @@ def _zone_seconds(zone: str) -> int:
 def _months(year: Ns, month: Ns) -> tuple[Ns, Ns]:
     """Return the first day of months, in days since 1970, and how many days they have."""
     since = ((year - 1970) * MONTHS + month - 1).astype("datetime64[M]")
-    first, end = (m.astype("datetime64[D]").astype(np.int64) for m in (since, since + 1))
+    first, end = (m.astype("datetime64[D]").astype(np.int64) for m in (since, since + np.timedelta64(1, "M")))
     return first, end - first
 
 

@@ -7,6 +7,7 @@ batched: detection works sample by sample, and a loop's assessment rests on that
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -33,7 +34,7 @@ from monitor.reporting.stage import Reporting
 from monitor.verdict.answers import answers_of
 from monitor.verdict.history import LoopHistory
 from monitor.verdict.in_force import InForce
-from monitor.verdict.moves import moves_in_words
+from monitor.verdict.moves import is_led, moves_in_words
 from monitor.verdict.parts import Tuning
 from monitor.verdict.row import loop_row, says_new, worst_first
 from monitor.verdict.stale import LastSample, LastSamples
@@ -282,20 +283,28 @@ class Engine:
     def row(self, row: int) -> LoopRow:
         """Return a loop's current row: its verdict, and its health so far."""
         state = self.detector.state[row]
-        moves = moves_in_words({name: int(state["moves"][name]) for name in FATES})
+        moves = {name: int(state["moves"][name]) for name in FATES}
         period, dead_band = float(state["clock"]["period"]), self.reporting.dead_band(row)
         signs = self._diagnoses.signs(row)
         return self._row(row, self.detector.health[row], period, dead_band, signs, moves)
 
     def _row(
-        self, row: int, health: np.void, period: float, dead_band: float | None, signs: Signs, moves: str = ""
+        self,
+        row: int,
+        health: np.void,
+        period: float,
+        dead_band: float | None,
+        signs: Signs,
+        moves: Mapping[str, int] | None = None,
     ) -> LoopRow:
-        """Return a loop's row with its health, period [s], dead band [PV], signs and moves of some moment."""
+        """Return a loop's row with its health, period [s], dead band [PV], signs and moves' fates of some moment."""
         history = self._histories.get(row)
         tuning = Tuning() if history is None else history.tuning
         seen = by_exception(figures(health, period, tuning.model.get("dead_time")), dead_band)
         in_force = InForce(self.loops[row]) if history is None else history.in_force
-        return loop_row(in_force, replace(tuning, moves=moves), replace(seen, signs=signs))
+        if moves is not None:
+            tuning = replace(tuning, moves=moves_in_words(moves), led=is_led(moves))
+        return loop_row(in_force, tuning, replace(seen, signs=signs))
 
     def rows(self) -> list[LoopRow]:
         """Return one row for each loop, worst first: by verdict, then by index, then by name."""

@@ -52,6 +52,8 @@ def model_of_event(loop: Loop, event: ClosedEvent) -> Shown:
     other, sure = decide(both, float(event.window.time[-1]))
     if other is None or not sure or other.process == fit.process or not is_explained(other, event):
         return shown
+    if is_wide(other) or (loop.kp is not None and other.gain * loop.kp < 0):
+        return shown
     said = f"the table calls the process {loop.process}, the data show a {other.process} one"
     return Shown(other, True, said, both)
 

@@ -196,8 +196,9 @@ def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None, other_loads: bo
     """Find the model of a window and its reach; None where OP explains nothing of PV."""
     best, single = search(w.blocks, two_lags)
     mine = best if two_lags else single
-    more = leaves_more(w, mine) or (not w.load and wanders(w, mine))
-    other = with_other_load(w, mine, EVERY if two_lags else SINGLE) if more and other_loads else None
+    left = leaves_more(w, mine)
+    more = left or (not w.load and wanders(w, mine))
+    other = with_other_load(w, mine, EVERY if two_lags else SINGLE) if left and other_loads else None
     walking = with_wander(w, mine, two_lags) if more and other_loads and not w.load else None
     if walking is not None and (other is None or is_likelier(walking, other)):
         w, best, single = walking

@@ -33,6 +33,11 @@ STICKS_INDEX = 0.5
 """Stiction index from which the valve is named."""
 SLAVE_SP_SHARE = 0.5
 """Share of samples at which the set point moves, from which the loop is a cascade's slave or follows a programme."""
+PROGRAMME_RAMPS, PROGRAMME_SHARE = 4, 0.8
+"""Ramps of the set point, and their share of its moves, from which they are a programme."""
+AWAY_SD = 4.0
+"""Mean size of the error, in standard deviations of PV's noise, from which a controller without integral action leaves
+an offset, wherever loads and set points put it."""
 SHAPE_SUPPORT = 150.0
 """LR of a block from which OP speaks for a valve whose cycle has the shape of one that sticks; healthy loops: 100."""
 LARGE_BAND_SHARE = 0.5
@@ -89,10 +94,14 @@ def compressed(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     )
 
 
-def coarse(health: Health, _tuning: Tuning, _loop: Loop) -> str:
+def coarse(health: Health, tuning: Tuning, loop: Loop) -> str:
     if health.signs.too_fast:
         return "the error turns at nearly every sample: it swings faster than the sampling resolves"
     if health.signs.tracks == "tracks":  # the closed loop's shape is seen
+        return ""
+    if health.dead_band is not None or compressed(
+        health, tuning, loop
+    ):  # what moves so fast is the historian's
         return ""
     return "sampled too coarsely to show how the loop moves" if health.undersampled else ""
 
@@ -109,13 +118,20 @@ def manual(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     return f"in manual for {share:.0%} of the time" if share > MANUAL_SHARE else ""
 
 
-def slave(health: Health, _tuning: Tuning, loop: Loop) -> str:
+def slave(health: Health, tuning: Tuning, loop: Loop) -> str:
     master = f" of {loop.master}" if loop.master else ""
-    if _of(health.sp_moving) > SLAVE_SP_SHARE:
+    if tuning.led or _of(health.sp_moving) > SLAVE_SP_SHARE:
         return (
             f"its set point moves all the time: the slave{master} of a cascade, or a programme; not a fault"
         )
     return ""
+
+
+def programme(_health: Health, tuning: Tuning, _loop: Loop) -> str:
+    ramps, moves = tuning.ramps
+    if tuning.led or ramps < PROGRAMME_RAMPS or ramps < PROGRAMME_SHARE * moves:
+        return ""
+    return f"its set point follows a programme: {ramps} of its {moves} moves are ramps"
 
 
 def at_limit(health: Health, _tuning: Tuning, loop: Loop) -> str:
@@ -269,8 +285,13 @@ def near_instability(_health: Health, tuning: Tuning, loop: Loop) -> str:
 
 def without_integral(health: Health, _tuning: Tuning, loop: Loop) -> str:
     without = loop.kp is not None and math.isinf(loop.ti)
-    if not health.settled_offset or not without or offset_intended(loop):
+    if not without or offset_intended(loop):
         return ""
+    if not health.settled_offset:
+        away, noise = _of(health.mean_abs_e), max(_of(health.noise), _of(health.quantum))
+        off = noise > 0.0 and away > AWAY_SD * noise
+        said = f"PV is {away:.3g} [PV] away from the set point in the mean: the controller has no integral action"
+        return said if off else ""
     return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: the controller has no integral action"
 
 

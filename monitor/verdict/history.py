@@ -232,7 +232,7 @@ def _judge(history: LoopHistory) -> tuple[Tuning, _Standing | None]:
     ci = tuple(_median([f.record.ci for f in seen if f.record.kind == kind]) for kind in (SETPOINT, LOAD))
     contradiction = history.in_force.contradiction
     tuning = Tuning(events=history.events, ci_setpoint=ci[0], ci_load=ci[1], contradiction=contradiction)
-    tuning = replace(tuning, **history.upsets())
+    tuning = replace(tuning, **history.upsets(), ramps=_ramps(today))
     if not usable:
         last = history.findings[-1].record
         wait = f"none on this evidence; {_WAIT}"
@@ -265,6 +265,12 @@ def _judge(history: LoopHistory) -> tuple[Tuning, _Standing | None]:
     return tuning, standing
 
 
+def _ramps(findings: list[Finding]) -> tuple[int, int]:
+    """Return how many moves of the set point were ramps, and how many there were."""
+    moves = [f for f in findings if f.record.kind == SETPOINT]
+    return sum(not f.stepped for f in moves), len(moves)
+
+
 def _contradiction(tuning: Tuning, reason: str) -> Tuning:
     """Say that a loop's events do not agree."""
     action = "look at the events side by side: did the plant, the range or the valve change between them?"
@@ -281,7 +287,8 @@ def _of_model(history: LoopHistory, tuning: Tuning, joint: Fit) -> Tuning:
         ms = None
     ci = tuning.ci_setpoint, tuning.ci_load
     today = [f for f in usable if f.record.start >= history.retuned]
-    speaks = any(f.at_limit for f in today) or any(value is not None for value in ci)
+    foreseen = any(f.at_limit or f.predicted != NO_INDICES for f in today)
+    speaks = foreseen or any(value is not None for value in ci)
     predicted = indices_to_come(loop, model, ci, ms, period) if speaks and not alone else NO_INDICES
     predicted = usable[0].predicted if alone else predicted
     damped = [f.damped for f in today if f.damped is not None]

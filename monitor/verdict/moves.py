@@ -15,6 +15,16 @@ SAID = {
 """Of each fate (`detect.state.FATES`)."""
 
 
+LED_MOVES, LED_SHARE = 50, 0.8
+"""Moves, and the share of them that go on and on, from which somebody else moves the set point: a master."""
+
+
+def is_led(fates: Mapping[str, int]) -> bool:
+    """Whether a set point moves all the time, by the fates of its moves (as in `moves_in_words`)."""
+    total = sum(fates.values())
+    return total >= LED_MOVES and fates["unrecorded"] >= LED_SHARE * total
+
+
 def moves_in_words(fates: Mapping[str, int]) -> str:
     """Say how many moves there were, and what became of them: "9 moves: 6 below the noise, 3 in manual".
 

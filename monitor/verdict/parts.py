@@ -61,6 +61,10 @@ class Tuning:
     suggested: Suggested | None = None
     moves: str = ""
     """What became of the set point's moves, in words."""
+    led: bool = False
+    """The set point moves all the time."""
+    ramps: tuple[int, int] = (0, 0)
+    """Moves of the set point with an event of their own: by ramps, and all."""
     disturbances: int = 0
     """Upsets that are no clean step."""
     upsets: str = ""

@@ -147,7 +147,13 @@ TREE = (
     # is the loop in control?
     Branch("manual", branches.manual, EXPLAINS, "find out why it is kept in manual"),
     Branch("idle", branches.idle, EXPLAINS, "none while the unit is down"),
-    Branch("cascade_slave", branches.slave, EXPLAINS, "none; judge its master"),
+    Branch("cascade_slave", branches.slave, WORDS, "none; judge its master"),
+    Branch(
+        "",
+        branches.programme,
+        WORDS,
+        "none; a set-point step between two ramps shows how fast it could follow",
+    ),
     Branch("two_valued_op", branches.two_valued, WITHHOLDS, _DEMAND),
     Branch("saturated", branches.at_limit, WITHHOLDS, _ROOM),
     Branch("saturated", branches.touches_limit, MARKS, _ROOM),

@@ -14,8 +14,9 @@ import numpy as np
 
 from monitor.contract.samples import Array
 
+from .correlation import correlation_time
 from .fit import Wander
-from .other_loads import OtherLoad
+from .other_loads import ALIKE_POINTS, LEAST_SETPOINT_REST_SHARE
 from .projection import P_DEAD_TIME, P_LAG, P_SHARE, Beside, Columns, evaluate, innovations
 from .response import response_at
 from .search import search
@@ -25,9 +26,6 @@ BELIEVED_LN = 6.0
 """Logarithm of the likelihood's ratio from which noise is believed to go on: 1 to 400."""
 MOST_GROWTH = 2.0
 """Power of the innovations after the onset over that before it, up to which they may be the same noise."""
-LOAD_BELIEVED_LN, ALIKE_LN = 8.0, 0.4
-"""The same for a single load beside the step instead, which is chance; and the difference in ln gain up to which the
-two agree on the process. A load that explains the response itself does not."""
 RATIOS = np.geomspace(1e-6, 10.0, 15)
 """Variance that the walk gains from sample to sample, in variances of the white noise (of a trend: in one sample)."""
 ORDERS = (1, 2)
@@ -46,6 +44,9 @@ class Wandering(NamedTuple):
 
 def wanders(w: SearchWindow, p: Array) -> bool:
     """Whether noise that goes on is likelier than white noise, where the process is as these parameters say."""
+    rss = evaluate(w.blocks, p, np.empty(len(w.blocks.at)))[2]
+    if not rss >= LEAST_SETPOINT_REST_SHARE * float(w.blocks.pv @ w.blocks.pv):
+        return False
     return likelihood(_likeliest(w, p), p) - likelihood(w, p) >= BELIEVED_LN
 
 
@@ -71,11 +72,10 @@ def with_wander(w: SearchWindow, p: Array, two_lags: bool) -> Wandering | None:
     return Wandering(walking, best, single) if believed and was_there_before(walking.blocks, best) else None
 
 
-def is_likelier(walking: Wandering, other: OtherLoad) -> bool:
-    """Whether a load that wanders is believed rather than a single one beside the step."""
-    gains = [evaluate(w.blocks, p, np.empty(len(w.blocks.at)))[0] for w, p in (walking[:2], other[:2])]
-    agree = gains[0] * gains[1] > 0.0 and abs(math.log(gains[0] / gains[1])) <= ALIKE_LN
-    return not agree or likelihood(*other[:2]) - likelihood(*walking[:2]) < LOAD_BELIEVED_LN
+def goes_on(w: SearchWindow, p: Array) -> bool:
+    """Whether the innovations that a model leaves are not white."""
+    rest = np.empty(len(w.blocks.at))
+    return not math.isfinite(evaluate(w.blocks, p, rest)[2]) or correlation_time(rest) > ALIKE_POINTS
 
 
 def _likeliest(w: SearchWindow, p: Array) -> SearchWindow:

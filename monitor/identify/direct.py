@@ -43,7 +43,7 @@ from .uncertainty import (
     tangent_scatter,
     with_uncertainty,
 )
-from .wander import goes_on, volume, wander_of, wanders, with_wander
+from .wander import goes_on, is_likelier, volume, wander_of, wanders, with_wander
 from .window import BESIDE, EVERY, SINGLE, SearchWindow, op_from_rest, search_window
 
 LEAST_POINTS = 12
@@ -198,12 +198,11 @@ def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None, other_loads: bo
     mine = best if two_lags else single
     left = leaves_more(w, mine)
     more = left or (not w.load and wanders(w, mine))
+    other = with_other_load(w, mine, EVERY if two_lags else SINGLE) if left and other_loads else None
     walking = with_wander(w, mine, two_lags) if more and other_loads and not w.load else None
-    seek = left and other_loads and walking is None
-    other = with_other_load(w, mine, EVERY if two_lags else SINGLE) if seek else None
-    if walking is not None:
+    if walking is not None and (other is None or is_likelier(walking, other)):
         w, best, single = walking
-        more = goes_on(w, best if two_lags else single)
+        other, more = None, goes_on(w, best if two_lags else single)
     elif other is not None:
         w, best = other.window, other.p
         single = best

@@ -16,7 +16,7 @@ from monitor.contract.samples import Array
 
 from .correlation import correlation_time
 from .fit import Wander
-from .other_loads import ALIKE_POINTS, LEAST_SETPOINT_REST_SHARE
+from .other_loads import ALIKE_POINTS, LEAST_SETPOINT_REST_SHARE, OtherLoad, leaves_more
 from .projection import P_DEAD_TIME, P_LAG, P_SHARE, Beside, Columns, evaluate, innovations
 from .response import response_at
 from .search import search
@@ -26,6 +26,10 @@ BELIEVED_LN = 6.0
 """Logarithm of the likelihood's ratio from which noise is believed to go on: 1 to 400."""
 MOST_GROWTH = 2.0
 """Power of the innovations after the onset over that before it, up to which they may be the same noise."""
+LOAD_BELIEVED_LN, ALIKE_LN = 30.0, 0.4
+"""The same for a single load beside the step instead: a ramp explains up to 22 of what wanders, one that was there 88 and
+more. And the difference in ln gain up to which the two agree on the process: a load that explains the response itself
+does not."""
 RATIOS = np.geomspace(1e-6, 10.0, 15)
 """Variance that the walk gains from sample to sample, in variances of the white noise (of a trend: in one sample)."""
 ORDERS = (1, 2)
@@ -76,6 +80,17 @@ def goes_on(w: SearchWindow, p: Array) -> bool:
     """Whether the innovations that a model leaves are not white."""
     rest = np.empty(len(w.blocks.at))
     return not math.isfinite(evaluate(w.blocks, p, rest)[2]) or correlation_time(rest) > ALIKE_POINTS
+
+
+def is_likelier(walking: Wandering, other: OtherLoad) -> bool:
+    """Whether a load that wanders is believed rather than a single one beside the step.
+
+    That one has to explain all, and to leave the process as it is.
+    """
+    gains = [evaluate(w.blocks, p, np.empty(len(w.blocks.at)))[0] for w, p in (walking[:2], other[:2])]
+    agree = gains[0] * gains[1] > 0.0 and abs(math.log(gains[0] / gains[1])) <= ALIKE_LN
+    better = likelihood(*other[:2]) - likelihood(*walking[:2]) >= LOAD_BELIEVED_LN
+    return not (agree and better and not leaves_more(*other[:2]))
 
 
 def _likeliest(w: SearchWindow, p: Array) -> SearchWindow:

@@ -94,14 +94,10 @@ def compressed(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     )
 
 
-def coarse(health: Health, tuning: Tuning, loop: Loop) -> str:
+def coarse(health: Health, _tuning: Tuning, _loop: Loop) -> str:
     if health.signs.too_fast:
         return "the error turns at nearly every sample: it swings faster than the sampling resolves"
     if health.signs.tracks == "tracks":  # the closed loop's shape is seen
-        return ""
-    if health.dead_band is not None or compressed(
-        health, tuning, loop
-    ):  # what moves so fast is the historian's
         return ""
     return "sampled too coarsely to show how the loop moves" if health.undersampled else ""
 

@@ -130,6 +130,8 @@ def fit_window(
     )
     started = w.points.shape == START and found.other is None
     fit = replace(fit, leaves_more=found.leaves_more, start=best.load if started else 0.0)
+    if wander is not None:
+        return replace(fit, floor=fit.floor * OTHER_LOAD_FLOOR_RATIOS)
     if found.other is not None:
         floor = fit.floor * OTHER_LOAD_FLOOR_RATIOS
         floor[0] += OTHER_LOAD_LN_GAIN_SD**2 if process == SELF_REGULATING else 0.0

@@ -1,19 +1,26 @@
-"""``loopsight view``: a live monitor, one event of its history, or a recording, in Rerun."""
+"""``loopsight view``: a live monitor, one event of its history, an audit, or a recording, in Rerun."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from .common import Command, Failed, Refused, parent_option
 
+if TYPE_CHECKING:
+    from monitor.view.drawing import Drawing
+
 ENDPOINT = "tcp/127.0.0.1:7447"
+AUDIT_FILE = "audit.json"
+"""In the folder of any audit."""
 
 
 @click.command(cls=Command, epilog="Example: loopsight view --connect tcp/127.0.0.1:7447 --save today.rrd")
-@click.argument("file", metavar="[FILE.rrd]", required=False, type=click.Path(path_type=Path))
+@click.argument("file", metavar="[FILE.rrd|AUDIT_DIR]", required=False, type=click.Path(path_type=Path))
 @click.option("--connect", metavar="ENDPOINT", help=f"Zenoh endpoint of a running monitor, e.g. {ENDPOINT}.")
 @click.option("--event", metavar="ID", help="Show this one event of the monitor's history.")
 @click.option(
@@ -36,7 +43,7 @@ def view(
     browser: bool,
     parent: int | None,
 ) -> None:
-    """Look at flagged loops in Rerun: live, one event, or a recording.
+    """Look at flagged loops in Rerun: live, one event, an audit, or a recording.
 
     Prints one line with the address to open. Everything stays on this machine's loopback interface.
     """
@@ -44,28 +51,49 @@ def view(
     from monitor.adapters.process import Stop
     from monitor.view.drawing import ViewError
     from monitor.view.process import LAST_WORD_S
-    from monitor.view.run import Wanted, show, watch
+    from monitor.view.run import Wanted, look_back, show, watch
 
     wanted = Wanted(how, save, event or "", browser)
     with Stop(LAST_WORD_S, 0, parent) as stop:
         try:
             if file is None:
                 watch(connect or ENDPOINT, wanted, stop)
+            elif file.is_dir():
+                look_back(_audit(file), wanted, stop)
             else:
                 show(file, wanted, stop)
         except ViewError as error:
             raise Failed(str(error)) from None
+        except (ValueError, OSError) as error:
+            raise Refused(str(error)) from None
+
+
+def _audit(folder: Path) -> Callable[[Drawing], None]:
+    """Return what draws the audit in a folder; read when the viewer has been started."""
+
+    def draw(on: Drawing) -> None:
+        from monitor.audit.drawing import contents_of
+        from monitor.view.recorded import draw_audit
+
+        draw_audit(contents_of(folder), on)
+
+    return draw
 
 
 def _check(file: Path | None, connect: str | None, event: str | None, how: str, save: Path | None) -> None:
     """Refuse what does not go together, and what is none."""
-    if file is not None:
+    if file is not None and file.is_dir():
+        if connect or event:
+            raise Refused("AUDIT_DIR goes with --view, --save and --open only")
+        if not (file / AUDIT_FILE).is_file():
+            raise Refused(f"{file}: no {AUDIT_FILE}, expected the folder of an audit (--out)")
+    elif file is not None:
         if connect or event or save:
             raise Refused("FILE.rrd goes with --view and --open only")
         _check_recording(file)
     elif not connect and not event:
         raise Refused("what to view? Give FILE.rrd, --connect ENDPOINT or --event ID")
-    if how == "none" and (file is not None or save is None):
+    if how == "none" and save is None:
         raise Refused("--view none shows nothing: give --save FILE.rrd with it")
     if event and not re.fullmatch(r"[0-9A-Za-z_-]{1,64}", event):
         raise Refused(f"--event {event!r} is no event's id")

@@ -24,6 +24,12 @@ AUDIT_FILE = "audit.json"
 @click.option("--connect", metavar="ENDPOINT", help=f"Zenoh endpoint of a running monitor, e.g. {ENDPOINT}.")
 @click.option("--event", metavar="ID", help="Show this one event of the monitor's history.")
 @click.option(
+    "--state",
+    metavar="DIR",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="Take the event from this folder of a monitor that does not run.",
+)
+@click.option(
     "--view",
     "how",
     type=click.Choice(["web", "native", "none"]),
@@ -38,6 +44,7 @@ def view(
     file: Path | None,
     connect: str | None,
     event: str | None,
+    state: Path | None,
     how: str,
     save: Path | None,
     browser: bool,
@@ -48,6 +55,8 @@ def view(
     Prints one line with the address to open. Everything stays on this machine's loopback interface.
     """
     _check(file, connect, event, how, save)
+    if state is not None and (connect or not event):
+        raise Refused("--state DIR goes with --event ID, and with no --connect")
     from monitor.adapters.process import Stop
     from monitor.view.drawing import ViewError
     from monitor.view.process import LAST_WORD_S
@@ -56,7 +65,9 @@ def view(
     wanted = Wanted(how, save, event or "", browser)
     with Stop(LAST_WORD_S, 0, parent) as stop:
         try:
-            if file is None:
+            if state is not None:
+                look_back(_stored(state, wanted.event), wanted, stop)
+            elif file is None:
                 watch(connect or ENDPOINT, wanted, stop)
             elif file.is_dir():
                 look_back(_audit(file), wanted, stop)
@@ -80,19 +91,27 @@ def _audit(folder: Path) -> Callable[[Drawing], None]:
     return draw
 
 
+def _stored(folder: Path, event: str) -> Callable[[Drawing], None]:
+    """Return what draws an event out of a monitor's state folder; read when the viewer has been started."""
+
+    def draw(on: Drawing) -> None:
+        from monitor.view.stored import draw_event
+
+        draw_event(folder, event, on)
+
+    return draw
+
+
 def _check(file: Path | None, connect: str | None, event: str | None, how: str, save: Path | None) -> None:
     """Refuse what does not go together, and what is none."""
-    if file is not None and file.is_dir():
+    if file is not None:
         if connect or event:
-            raise Refused("AUDIT_DIR goes with --view, --save and --open only")
-        if not (file / AUDIT_FILE).is_file():
-            raise Refused(f"{file}: no {AUDIT_FILE}, expected the folder of an audit (--out)")
-    elif file is not None:
-        if connect or event or save:
-            raise Refused("FILE.rrd goes with --view and --open only")
-        _check_recording(file)
+            raise Refused("FILE.rrd and AUDIT_DIR go with --view, --save and --open only")
+        (_check_audit if file.is_dir() else _check_recording)(file)
+        if save and not file.is_dir():
+            raise Refused(f"--save: {file} is a recording already")
     elif not connect and not event:
-        raise Refused("what to view? Give FILE.rrd, --connect ENDPOINT or --event ID")
+        raise Refused("what to view? Give FILE.rrd, AUDIT_DIR, --connect ENDPOINT or --event ID")
     if how == "none" and save is None:
         raise Refused("--view none shows nothing: give --save FILE.rrd with it")
     if event and not re.fullmatch(r"[0-9A-Za-z_-]{1,64}", event):
@@ -101,6 +120,11 @@ def _check(file: Path | None, connect: str | None, event: str | None, how: str, 
         raise Refused(f"--save {save}: no such folder")
     if connect and not re.fullmatch(r"[a-z]+/[^\s/]+(/.*)?", connect):
         raise Refused(f"--connect {connect!r} is no endpoint such as {ENDPOINT}")
+
+
+def _check_audit(folder: Path) -> None:
+    if not (folder / AUDIT_FILE).is_file():
+        raise Refused(f"{folder}: no {AUDIT_FILE}, expected the folder of an audit (--out)")
 
 
 def _check_recording(file: Path) -> None:

@@ -28,7 +28,9 @@ def in_units(unit: str, pv: str, op: str) -> str:
 
     def put(match: re.Match[str]) -> str:
         known = own[match.group()] or match.group()
-        return f"({known})" if known != unit and re.search(r"[/ ]", known) and unit != match.group() else known
+        return (
+            f"({known})" if known != unit and re.search(r"[/ ]", known) and unit != match.group() else known
+        )
 
     return re.sub(r"\b(?:PV|OP)\b(?!')", put, unit)
 

@@ -7,7 +7,19 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from monitor.contract.fleet import (
-    BOTTOM, CI_LEAST, CI_TICKS, HEIGHT, LEFT, MS_MOST, MS_TICKS, RIGHT, TOP, WIDTH, across, ci_and_ms, down,
+    BOTTOM,
+    CI_LEAST,
+    CI_TICKS,
+    HEIGHT,
+    LEFT,
+    MS_MOST,
+    MS_TICKS,
+    RIGHT,
+    TOP,
+    WIDTH,
+    across,
+    ci_and_ms,
+    down,
 )
 from monitor.contract.records import LoopRow
 

@@ -21,7 +21,7 @@ class Drawing(Protocol):
     def window(self, window: Window, scale: Scale) -> None:
         """Draw an event's evidence."""
 
-    def answers(self, answers: Answers, step: Step, scale: Scale) -> None:
+    def answers(self, answers: Answers, step: Step) -> None:
         """Draw predicted responses to a step."""
 
     def trend(self, trend: Trend, scale: Scale) -> None:

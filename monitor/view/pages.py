@@ -31,7 +31,7 @@ TABLE_ROWS = 30
 _MODEL = (("gain", "gain μ"), ("t0", "T0"), ("dead_time", "dead time θ"), ("lag", "lag τ₁"))
 _SETTINGS = (("kp", "Kp", "OP/PV"), ("ti", "Ti", "s"), ("td", "Td", "s"), ("tf", "Tf", "s"))
 _PARALLEL = (("kp", "Kp", "OP/PV"), ("ki", "Ki", "OP/(PV s)"), ("kd", "Kd", "OP s/PV"))
-_KINDS = {"setpoint": "set-point step", "load": "load upset", "disturbance": "upset that is no clean step"}
+_KINDS = {"setpoint": "set-point step", "load": "load step", "disturbance": "upset that is no clean step"}
 
 
 def number(value: object, digits: int = 3) -> str:
@@ -102,8 +102,8 @@ def overview(rows: Sequence[Row], counts: Mapping[str, int], closing: Iterable[s
     known = [f"**{counts.get(kind, 0)}** {look.words}" for kind, look in LOOKS.items()]
     lines = ["# Control loops", "", " · ".join(known), ""]
     if rows:
-        lines += ["| | loop | | CI | Ms | new Ms |", "|--:|---|---|--:|--:|--:|"]
-        lines += [_overview_row(k, row) for k, row in enumerate(rows[:TABLE_ROWS], 1)]
+        lines += ["| loop | | CI | Ms | new Ms |", "|---|---|--:|--:|--:|"]
+        lines += [_overview_row(row) for row in rows[:TABLE_ROWS]]
         lines += ["", f"and {len(rows) - TABLE_ROWS} more.", ""] if len(rows) > TABLE_ROWS else [""]
         lines += ["**Why**", ""]
         lines += [f"- **{escape(row.get('loop', ''), 40)}**: {escape(_why(row), 160)}" for row in rows[:8]]
@@ -165,10 +165,9 @@ def _why(row: Row) -> str:
     return str(row.get("reason") or row.get("action") or "badly tuned")
 
 
-def _overview_row(place: int, row: Row) -> str:
+def _overview_row(row: Row) -> str:
     worst = min(indices(row), default=None)
     cells = (
-        str(place),
         escape(row.get("loop", ""), 28),
         _what(row),
         number(worst, 2),
@@ -223,7 +222,7 @@ def _settings(row: Row) -> list[str]:
 def _faceplate(row: Row) -> list[str]:
     """Return the table of what is typed in, by the fields of the loop's block."""
     today, new = (_json(row.get(key)) for key in ("fields", "new_fields"))
-    if not isinstance(new, Mapping) or not new:
+    if not isinstance(new, Mapping) or not set(new) - {key for key, *_ in (*_SETTINGS, *_PARALLEL)}:
         return []
     today = today if isinstance(today, Mapping) else {}
     lines = ["| on the faceplate | today | type in |", "|---|--:|--:|"]
@@ -305,15 +304,16 @@ def step_words(kind: str, size: object, scale: Scale) -> str:
 
 def _event(record: Row, scale: Scale) -> list[str]:
     title = event_title(record, scale)
-    said = f"{title[:1].upper()}{escape(title[1:])},"
-    if record.get("kind") == "disturbance":
-        said += f" back within {number(record.get('recovery'))} s,"
-        said += f" overshoot {number(_percent(record.get('overshoot')))} %,"
-        said += f" damping {number(record.get('damping'), 2)}."
-    else:
-        said += f" CI {number(record.get('ci'), 2)},"
-        said += f" model explains {number(_percent(record.get('fit')), 3)} % of PV."
-    return ["## Event shown", "", said]
+    said = f"{title[:1].upper()}{escape(title[1:])}"
+    figures = (
+        ("CI {}", number(record.get("ci"), 2)),
+        ("model explains {} % of PV", number(_percent(record.get("fit")))),
+        ("back within {} s", number(record.get("recovery"))),
+        ("overshoot {} %", number(_percent(record.get("overshoot")))),
+        ("damping {}", number(record.get("damping"), 2)),
+    )
+    known = [words.format(figure) for words, figure in figures if figure != "–"]
+    return ["## Event shown", "", f"{', '.join([said, *known])}."]
 
 
 def _condition(row: Row) -> list[str]:
@@ -321,12 +321,10 @@ def _condition(row: Row) -> list[str]:
     known = [(name, meaning) for name, meaning in MEANINGS.items() if is_number(row.get(name))]
     if not known:
         return []
-    lines = ["## Health", "", "| | | |", "|---|--:|---|"]
-    lines += [
-        f"| {name.replace('_', ' ')} \\[{_unit(meaning.unit, row)}\\] | {number(row[name])} | {meaning.says} |"
+    return ["## Health", ""] + [
+        f"- **{name.replace('_', ' ')}** {number(row[name])} \\[{_unit(meaning.unit, row)}\\]: {meaning.says}"
         for name, meaning in known
     ]
-    return lines
 
 
 def _percent(share: object) -> float | None:

@@ -99,7 +99,9 @@ def draw_audit(contents: Contents, on: Drawing) -> None:
 
 def fleet_of(rows: Sequence[LoopRow], kinds: Sequence[str]) -> Fleet:
     """Return the rows that have a place in the picture of the fleet, in their order."""
-    found = [(row.loop, kind, *place) for row, kind in zip(rows, kinds, strict=True) if (place := ci_and_ms(row))]
+    found = [
+        (row.loop, kind, *place) for row, kind in zip(rows, kinds, strict=True) if (place := ci_and_ms(row))
+    ]
     names, whats, ci, ms = zip(*found, strict=True) if found else ((), (), (), ())
     return Fleet(names, whats, np.array(ci, dtype=np.float64), np.array(ms, dtype=np.float64))
 
@@ -122,11 +124,13 @@ def _loop(
         on.window(window, scale)
     span, name, event = (0, 0), "", None
     if judged:
-        best, window = max(judged, key=lambda one: (one[0].verdict == RETUNE, one[1].onset))
+        best, window = max(judged, key=_worth)
         event = decode_record(encode_record(best))
         span = int(window.time[0]), int(window.time[-1])
         name = f"{row.loop}: {pages.event_title(event, scale)}"
-    responses = tuple(_response(on, one, judged, scale) for one in sorted(answers, key=lambda a: a.kind, reverse=True))
+    responses = tuple(
+        _response(on, one, judged, scale) for one in sorted(answers, key=lambda a: a.kind, reverse=True)
+    )
     newest = next((w for w in windows if not w.id), None)
     recent = (0, 0)
     if newest is not None and (strip or not judged):
@@ -134,6 +138,12 @@ def _loop(
         recent = int(newest.time[0]), int(newest.time[-1])
     on.page(pages.loop_page(facts, event), row.loop)
     return Pane(row.loop, *span, name, responses, recent)
+
+
+def _worth(one: tuple[Assessment, Window]) -> tuple[bool, bool, int]:
+    """Sort key of events with their windows: what carries a verdict, what has a model, the newest."""
+    event, window = one
+    return event.verdict == RETUNE, bool(np.isfinite(window.model).any()), window.onset
 
 
 def _response(
@@ -145,13 +155,13 @@ def _response(
         event, window = own[-1]
         before = window.sp[: max(int(np.searchsorted(window.time, window.onset)), 1)]
         step = Step(window.onset, event.amplitude, float(before[-1]))
-        words = pages.event_title(decode_record(encode_record(event)), scale)
     else:
         step = Step(judged[-1][1].onset if judged else 0, 1.0, 0.0)
-        words = pages.step_words(answers.kind, step.size, scale)
-    on.answers(answers, step, scale)
+    on.answers(answers, step)
     end = step.at + int(answers.time[-1] * 1e9)
-    return Response(answers.kind, step.at, end, f"Predicted: {words}")
+    return Response(
+        answers.kind, step.at, end, f"Predicted: {pages.step_words(answers.kind, step.size, scale)}"
+    )
 
 
 def _closing(contents: Contents, seen: int) -> list[str]:
@@ -159,7 +169,9 @@ def _closing(contents: Contents, seen: int) -> list[str]:
     placed = sum(ci_and_ms(row) is not None for row in contents.rows)
     said = []
     if placed < len(contents.rows):
-        said.append(f"{len(contents.rows) - placed} loops without an index or a model are not in the fleet's picture.")
+        said.append(
+            f"{len(contents.rows) - placed} loops without an index or a model are not in the fleet's picture."
+        )
     if seen > DRAWN_LOOPS:
         said.append(f"The {DRAWN_LOOPS} worst of {seen} loops have charts here; report.html has more.")
     return said

@@ -12,6 +12,7 @@ from monitor.contract.evidence import Pane, Response
 from monitor.contract.fleet import HEIGHT, WIDTH
 from monitor.contract.text import plain
 
+from .fleet import ROW, STRETCH
 from .series import (
     BAND,
     MODEL,
@@ -22,7 +23,7 @@ from .series import (
     OP,
     PV,
     RESIDUAL,
-    SETPOINT_BEFORE,
+    RESPONSE_SP,
     SP,
     TIMELINE,
     TODAY,
@@ -46,7 +47,6 @@ def blueprint(
     active: str | None = None,
     *,
     started: bool,
-    fleet: bool,
 ) -> rrb.Blueprint:
     """Return the layout: overview and log left; the fleet and a tab for each of ``panes``.
 
@@ -57,11 +57,9 @@ def blueprint(
     modelled
         Loops with a model.
     active
-        Loop that lies in front; None: the fleet, or the first loop.
+        Loop that lies in front; None: the fleet.
     started
         Whether there is anything beside the first page.
-    fleet
-        Whether there is a picture of the fleet.
     """
     overview = rrb.TextDocumentView(origin="/overview" if started else "/start", name="Overview")
     hidden = rrb.encodings.TimelineColumn(TIMELINE, visible=False)  # too narrow to read; the lines tell it
@@ -71,16 +69,15 @@ def blueprint(
         columns=rrb.TextLogColumns(timeline_columns=[hidden], text_log_columns=["loglevel", "body"]),
         format_options=rrb.TextLogFormat(monospace_body=False),
     )
-    root: rrb.Horizontal | rrb.Vertical = rrb.Vertical(overview, log, row_shares=[3, 2])
-    tabs: list[Any] = [_fleet()] if fleet else []
-    front = len(tabs) + [pane.loop for pane in panes].index(active) if active else 0
-    tabs += _groups([_tab(pane, legends, pane.loop in modelled) for pane in panes])
-    if len(panes) > 1:
-        tabs.append(_small_multiples(panes[:GROUP_TABS]))
-    if tabs:
-        root = rrb.Horizontal(root, rrb.Tabs(*tabs, active_tab=front), column_shares=[1.1, 3])
+    left = rrb.Vertical(overview, log, row_shares=[3, 2])
+    names = [pane.loop for pane in panes]
+    front = names.index(active) if active in names else None
+    groups = _groups([_tab(pane, legends, pane.loop in modelled) for pane in panes], front)
+    in_front = 0 if front is None else 1 + (front if len(groups) == len(panes) else front // GROUP_TABS)
+    others = [_small_multiples(panes[:GROUP_TABS])] if len(panes) > 1 else []
+    tabs = rrb.Tabs(_fleet(), *groups, *others, active_tab=in_front)
     return rrb.Blueprint(
-        root,
+        rrb.Horizontal(left, tabs, column_shares=[1.1, 3]),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -89,22 +86,28 @@ def blueprint(
     )
 
 
-def _groups(tabs: Sequence[rrb.Container]) -> list[rrb.Container]:
-    """Tabs as they are, or by the dozen: more side by side nobody can read."""
+def _groups(tabs: Sequence[rrb.Container], front: int | None) -> list[rrb.Container]:
+    """Tabs as they are, or by the dozen, that with number ``front`` open: more side by side nobody can read."""
     if len(tabs) <= GROUP_TABS:
         return list(tabs)
-    starts = range(0, len(tabs), GROUP_TABS)
-    dozens = [(k, tabs[k : k + GROUP_TABS]) for k in starts]
-    return [rrb.Tabs(*some, name=f"{k + 1} to {k + len(some)}") for k, some in dozens]
+    dozens = [(k, tabs[k : k + GROUP_TABS]) for k in range(0, len(tabs), GROUP_TABS)]
+    return [
+        rrb.Tabs(
+            *some,
+            active_tab=front - k if front is not None and 0 <= front - k < len(some) else 0,
+            name=f"{k + 1} to {k + len(some)}",
+        )
+        for k, some in dozens
+    ]
 
 
 def _fleet() -> rrb.Spatial2DView:
-    bounds = rrb.VisualBounds2D(x_range=[0.0, WIDTH], y_range=[0.0, HEIGHT])
+    bounds = rrb.VisualBounds2D(x_range=[0.0, WIDTH], y_range=[-5.0 * ROW, STRETCH * HEIGHT])
     return rrb.Spatial2DView(origin="/fleet", name="Fleet", visual_bounds=bounds)
 
 
 def _tab(pane: Pane, legends: Mapping[str, rrb.Corner2D], modelled: bool) -> rrb.Horizontal:
-    """One loop: its event above, PV, residual and OP on one time axis; predictions, newest samples; the advice beside."""
+    """One loop: its event, PV, residual and OP on one time axis; predictions, newest samples; the advice beside."""
     name, corner = plain(pane.loop, 60), legends.get(pane.loop, rrb.Corner2D.RightTop)
     other = rrb.Corner2D.RightTop if corner == rrb.Corner2D.RightBottom else rrb.Corner2D.RightBottom
     rows: list[tuple[float, Any]] = []
@@ -147,7 +150,7 @@ def _chart(pane: Pane, series: Sequence[str], name: str, legend: rrb.Corner2D | 
 
 def _response(pane: Pane, response: Response) -> rrb.TimeSeriesView:
     origin = f"/{entity(pane.loop)}/response/{response.kind}"
-    contents = [f"{origin}/{one}" for one in (SETPOINT_BEFORE, TODAY, BAND, NEW)]
+    contents = [f"{origin}/{one}" for one in (RESPONSE_SP, TODAY, BAND, NEW)]
     corner = rrb.Corner2D.RightBottom if response.kind == "setpoint" else rrb.Corner2D.RightTop
     return _view(origin, contents, plain(response.name), corner, _span(response.start, response.end))
 

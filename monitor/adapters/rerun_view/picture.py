@@ -19,9 +19,24 @@ from monitor.contract.evidence import Answers, Fleet, Floats, Nanos, Pane, Scale
 from monitor.contract.records import SETPOINT
 
 from . import fleet, layout, panes, series
-from .series import BAND, MODEL, NEW, NOISE, ONSET, ONSET_OP, OP, PV, RESIDUAL, SETPOINT_BEFORE, SP, TIMELINE, TODAY
+from .series import (
+    BAND,
+    MODEL,
+    NEW,
+    NOISE,
+    ONSET,
+    ONSET_OP,
+    OP,
+    PV,
+    RESIDUAL,
+    RESPONSE_SP,
+    SP,
+    TIMELINE,
+    TODAY,
+)
 
 UNKNOWN = Scale()
+
 
 class Picture:
     """Draws on one recording. Every method logs at once and returns nothing.
@@ -41,9 +56,10 @@ class Picture:
         self._last: dict[str, int] = {}
         self._legends: dict[str, rrb.Corner2D] = {}
         self._modelled: set[str] = set()
-        self._fleet = False
         self.now = 0
         """Latest time drawn [ns]."""
+        for name, drawn in fleet.frame().items():
+            recording.log(f"fleet/{name}", drawn, static=True)
         if live:
             recording.log("start", _page("# Control loops\n\nWaiting for the monitor.\n"), static=True)
 
@@ -74,20 +90,20 @@ class Picture:
         self._legends[window.loop] = _free_corner(window.pv)
         self._advance(int(window.time[-1]))
 
-    def answers(self, answers: Answers, step: Step, scale: Scale = UNKNOWN) -> None:
+    def answers(self, answers: Answers, step: Step) -> None:
         """Draw predicted responses to a step: by today's settings, by the new ones, and their band.
 
         The band is that of the new settings; of today's where there are no new ones.
         """
         base = f"{series.entity(answers.loop)}/response/{answers.kind}"
-        for name, look in series.response_looks(scale).items():
+        for name, look in series.response_looks().items():
             self._recording.log(f"{base}/{name}", look, static=True)
         time = step.at + np.round(answers.time * 1e9).astype(np.int64)
         today, new = (step.level + step.size * curves for curves in (answers.today, answers.new))
         banded = new if np.isfinite(new).any() else today
         moved = step.size if answers.kind == SETPOINT else 0.0
         setpoint = np.full(len(time), step.level + moved)
-        for name, values in ((SETPOINT_BEFORE, setpoint), (TODAY, today[0]), (NEW, new[0]), (BAND, banded[1:].T)):
+        for name, values in ((RESPONSE_SP, setpoint), (TODAY, today[0]), (NEW, new[0]), (BAND, banded[1:].T)):
             self._line(f"{base}/{name}", time, values)
         self._advance(int(time[-1]))
 
@@ -113,10 +129,6 @@ class Picture:
 
     def fleet(self, loops: Fleet) -> None:
         """Draw all loops as of now: CI against Ms."""
-        if not self._fleet:
-            for name, drawn in fleet.frame().items():
-                self._recording.log(f"fleet/{name}", drawn, static=True)
-        self._fleet = True
         self._at(self.now)
         for name, drawn in fleet.points(loops).items():
             self._recording.log(f"fleet/{name}", drawn, static=not self._live)
@@ -140,11 +152,7 @@ class Picture:
     def layout(self, shown: Sequence[Pane], active: str | None = None) -> None:
         """Lay out anew: overview and log left, the fleet and a tab for each of ``shown``, ``active`` in front."""
         started = self.now > 0 or not self._live
-        self._sender.send(
-            panes.blueprint(
-                shown, self._legends, self._modelled, active, started=started, fleet=self._fleet
-            )
-        )
+        self._sender.send(panes.blueprint(shown, self._legends, self._modelled, active, started=started))
 
     def _line(self, path: str, time: Nanos, values: Floats) -> None:
         """Log columns ``(n,)`` or ``(n, m)``."""

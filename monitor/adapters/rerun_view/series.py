@@ -21,7 +21,7 @@ BAND_COLOUR = (*NEW_COLOUR, 150)
 ONSET, SP, PV, MODEL = "1-onset", "2-sp", "3-pv", "4-model"
 ONSET_OP, OP = "5-onset", "6-op"
 NOISE, RESIDUAL = "7-noise", "8-residual"
-SETPOINT_BEFORE, TODAY, BAND, NEW = "1-sp", "2-today", "3-band", "4-new"
+RESPONSE_SP, TODAY, BAND, NEW = "1-sp", "2-today", "3-band", "4-new"
 """Series by path: Rerun draws in the order of paths, and the thin model belongs on top of the data."""
 NOISE_SD = 2.0
 """Half the band that noise alone keeps a residual in [standard deviations]."""
@@ -46,7 +46,7 @@ def _part(name: str) -> str:
 
 
 def live_looks(scale: Scale) -> dict[str, rr.SeriesLines]:
-    """Looks of SP, PV and OP, by series. SP and OP are held between samples."""
+    """Return the looks of SP, PV and OP, by series. SP and OP are held between samples."""
     pv, op = units(scale)
     return {
         SP: _look(f"SP [{pv}]", SP_COLOUR, 1.5, "StepAfter"),
@@ -56,27 +56,25 @@ def live_looks(scale: Scale) -> dict[str, rr.SeriesLines]:
 
 
 def event_looks(scale: Scale) -> dict[str, rr.SeriesLines]:
-    """Looks of an event's series."""
+    """Return the looks of an event's series."""
     pv, _ = units(scale)
     onset = _look("onset", ONSET_COLOUR, 1.5, policy="Off")
-    sds = f"{NOISE_SD:g}"
     return live_looks(scale) | {
         MODEL: _look(f"model of PV [{pv}]", MODEL_COLOUR, 1.3, policy="Average"),
         ONSET: onset,
         ONSET_OP: onset,
         RESIDUAL: _look(f"PV less model [{pv}]", PV_COLOUR, 1.3),
-        NOISE: _look((f"+{sds} sd of noise", f"-{sds} sd of noise"), SP_COLOUR, 1.0),
+        NOISE: _look(("noise", "noise"), SP_COLOUR, 1.0),
     }
 
 
-def response_looks(scale: Scale) -> dict[str, rr.SeriesLines]:
-    """Looks of predicted responses."""
-    pv, _ = units(scale)
+def response_looks() -> dict[str, rr.SeriesLines]:
+    """Return the looks of predicted responses; the chart's name has their unit."""
     return {
-        SETPOINT_BEFORE: _look(f"SP [{pv}]", SP_COLOUR, 1.5, "StepAfter"),
-        TODAY: _look(f"settings of today [{pv}]", MODEL_COLOUR, 1.6),
-        NEW: _look(f"new settings [{pv}]", NEW_COLOUR, 2.2),
-        BAND: _look(("least of all models", "largest of all models"), BAND_COLOUR, 1.0),
+        RESPONSE_SP: _look("SP", SP_COLOUR, 1.5, "StepAfter"),
+        TODAY: _look("today", MODEL_COLOUR, 1.6),
+        NEW: _look("new", NEW_COLOUR, 2.2),
+        BAND: _look(("its band", "its band"), BAND_COLOUR, 1.0),
     }
 
 
@@ -97,6 +95,6 @@ def _look(
         names=names,
         colors=[colour] * len(names),
         widths=[width] * len(names),
-        interpolation_mode=mode,  # type: ignore[arg-type]
-        aggregation_policy=policy,  # type: ignore[arg-type]
+        interpolation_mode=mode,
+        aggregation_policy=policy,
     )

@@ -35,8 +35,6 @@ from .series import (
     TODAY,
 )
 
-UNKNOWN = Scale()
-
 
 class Picture:
     """Draws on one recording. Every method logs at once and returns nothing.
@@ -63,7 +61,7 @@ class Picture:
         if live:
             recording.log("start", _page("# Control loops\n\nWaiting for the monitor.\n"), static=True)
 
-    def window(self, window: Window, scale: Scale = UNKNOWN) -> None:
+    def window(self, window: Window, scale: Scale) -> None:
         """Draw an event's evidence: SP, PV, the model's PV and what it leaves, OP, and a mark at the onset.
 
         Each event has series of its own, so that those that overlap stay apart.
@@ -107,7 +105,7 @@ class Picture:
             self._line(f"{base}/{name}", time, values)
         self._advance(int(time[-1]))
 
-    def trend(self, trend: Trend, scale: Scale = UNKNOWN) -> None:
+    def trend(self, trend: Trend, scale: Scale) -> None:
         """Draw new samples on the live strip. A hole of more than ten usual periods stays a hole."""
         if trend.time.size == 0:
             return

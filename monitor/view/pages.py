@@ -99,7 +99,7 @@ def overview(rows: Sequence[Row], counts: Mapping[str, int], closing: Iterable[s
     closing
         Lines at the end: who watches, and what is not shown.
     """
-    known = [f"**{counts.get(kind, 0)}** {look.words}" for kind, look in LOOKS.items()]
+    known = [f"**{counts.get(kind, 0)}** {look.words}" for kind, look in LOOKS.items() if counts]
     lines = ["# Control loops", "", " · ".join(known), ""]
     if rows:
         lines += ["| loop | | CI | Ms | new Ms |", "|---|---|--:|--:|--:|"]
@@ -262,15 +262,15 @@ def _tells(key: str, value: object) -> bool:
 
 
 def _before_after(row: Row) -> list[str]:
-    lines = ["## Before and after", "", "| | today | new |", "|---|--:|--:|"]
-    lines.append(f"| CI set point | {number(row.get('ci_setpoint'), 2)} | {_new_ci(row, 'ci_setpoint')} |")
-    lines.append(f"| CI load | {number(row.get('ci_load'), 2)} | {_new_ci(row, 'ci_load')} |")
-    lines.append(f"| peak sensitivity Ms | {number(row.get('ms'))} | {number(row.get('new_ms'))} |")
-    if row.get("new_ms_worst") is not None:
-        lines.append(f"| Ms at the model's worst | | {number(row['new_ms_worst'])} |")
-    if row.get("new_op_noise") is not None:
-        lines.append(f"| noise on OP \\[% of span\\] | | {number(row['new_op_noise'], 2)} |")
-    return lines
+    figures = (
+        ("CI set point", number(row.get("ci_setpoint"), 2), _new_ci(row, "ci_setpoint")),
+        ("CI load", number(row.get("ci_load"), 2), _new_ci(row, "ci_load")),
+        ("peak sensitivity Ms", number(row.get("ms")), number(row.get("new_ms"))),
+        ("Ms at the model's worst", "–", number(row.get("new_ms_worst"))),
+        ("noise on OP \\[% of span\\]", "–", number(row.get("new_op_noise"), 2)),
+    )
+    known = [f"| {name} | {today} | {new} |" for name, today, new in figures if (today, new) != ("–", "–")]
+    return ["## Before and after", "", "| | today | new |", "|---|--:|--:|", *known] if known else []
 
 
 def _new_ci(row: Row, key: str) -> str:

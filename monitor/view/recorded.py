@@ -169,9 +169,8 @@ def _closing(contents: Contents, seen: int) -> list[str]:
     placed = sum(ci_and_ms(row) is not None for row in contents.rows)
     said = []
     if placed < len(contents.rows):
-        said.append(
-            f"{len(contents.rows) - placed} loops without an index or a model are not in the fleet's picture."
-        )
+        missing = len(contents.rows) - placed
+        said.append(f"Not in the picture of the fleet, for want of an index or a model: {missing}.")
     if seen > DRAWN_LOOPS:
         said.append(f"The {DRAWN_LOOPS} worst of {seen} loops have charts here; report.html has more.")
     return said

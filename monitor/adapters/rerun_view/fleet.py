@@ -67,10 +67,10 @@ def frame() -> dict[str, rr.AsComponents]:
     }
 
 
-def points(fleet: Fleet) -> dict[str, rr.AsComponents]:
+def points(loops: Fleet) -> dict[str, rr.AsComponents]:
     """Return the loops, by entity: those that are good, all others, and the words for what is to be done."""
-    place = np.column_stack([across(fleet.ci), STRETCH * down(fleet.ms)])[::-1]  # the worst on top
-    kinds, names = list(fleet.kinds)[::-1], list(fleet.names)[::-1]
+    place = np.column_stack([across(loops.ci), STRETCH * down(loops.ms)])[::-1]  # the worst on top
+    kinds, names = list(loops.kinds)[::-1], list(loops.names)[::-1]
     good = np.array([kind == "good" for kind in kinds], dtype=np.bool_)
     flagged = np.flatnonzero(~good)
     colours = [_rgb(kind) for kind in kinds]

@@ -92,7 +92,7 @@ def test_what_is_not_in_the_picture_is_said() -> None:
     assert len(sketch.layouts[0][0]) == DRAWN_LOOPS
     said = (sketch.pages[None] or "").replace("\\", "")
     assert f"The {DRAWN_LOOPS} worst of {DRAWN_LOOPS + 3} loops have charts here" in said
-    assert "1 loops without an index or a model" in said
+    assert "for want of an index or a model: 1." in said
 
 
 def test_an_audit_without_evidence_is_drawn_too() -> None:

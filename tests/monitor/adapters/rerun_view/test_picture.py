@@ -29,7 +29,7 @@ def drawing(file: Path, *, live: bool = True) -> Iterator[rerun_picture.Picture]
 
 
 def test_recording_holds_what_was_logged(tmp_path: Path, loop: Loop) -> None:
-    """SP, PV, OP, model, and what it leaves, come back from the file as they went in; the noise is a band about zero."""
+    """SP, PV, OP, model and residual come back from the file as they went in; the noise is a band about zero."""
     loop.columns["model"][40:60] = np.nan
     window, file = decode_window(window_payload(loop)), tmp_path / "a.rrd"
     with drawing(file) as picture:

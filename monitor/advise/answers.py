@@ -85,7 +85,7 @@ def _length(models: Model, known: list[tuple[Settings, NDArray[np.bool_]]], kind
     """Return how long a picture has to be for the responses of the first model [s]."""
     nominal = _at(models, [0])
     t0 = max(float(np.ravel(nominal.t0)[0]), LEAST_T0_S)
-    longest = max(LONGEST_T0 * t0, *(LONGEST_TI * s.ti for s, _ in known if math.isfinite(s.ti)), 0.0)
+    longest = max(LONGEST_T0 * t0, *(LONGEST_TI * float(s.ti) for s, _ in known if math.isfinite(s.ti)), 0.0)
     time = np.linspace(0.0, longest, LOOKED_AT_POINTS)
     settled = 0.0
     for settings, stable in known:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ import click
 from .common import Command, Failed, Refused, parent_option
 
 if TYPE_CHECKING:
-    from monitor.view.drawing import Drawing
+    from monitor.view.drawing import Draw
 
 ENDPOINT = "tcp/127.0.0.1:7447"
 AUDIT_FILE = "audit.json"
@@ -66,11 +66,11 @@ def view(
     with Stop(LAST_WORD_S, 0, parent) as stop:
         try:
             if state is not None:
-                look_back(_stored(state, wanted.event), wanted, stop)
+                look_back(partial(_stored, state, wanted.event), wanted, stop)
             elif file is None:
                 watch(connect or ENDPOINT, wanted, stop)
             elif file.is_dir():
-                look_back(_audit(file), wanted, stop)
+                look_back(partial(_audit, file), wanted, stop)
             else:
                 show(file, wanted, stop)
         except ViewError as error:
@@ -79,27 +79,19 @@ def view(
             raise Refused(str(error)) from None
 
 
-def _audit(folder: Path) -> Callable[[Drawing], None]:
-    """Return what draws the audit in a folder; read when the viewer has been started."""
+def _audit(folder: Path) -> Draw:
+    """Read the audit in a folder; return what draws it."""
+    from monitor.audit.drawing import contents_of
+    from monitor.view.recorded import draw_audit
 
-    def draw(on: Drawing) -> None:
-        from monitor.audit.drawing import contents_of
-        from monitor.view.recorded import draw_audit
-
-        draw_audit(contents_of(folder), on)
-
-    return draw
+    return partial(draw_audit, contents_of(folder))
 
 
-def _stored(folder: Path, event: str) -> Callable[[Drawing], None]:
-    """Return what draws an event out of a monitor's state folder; read when the viewer has been started."""
+def _stored(folder: Path, event: str) -> Draw:
+    """Read an event out of a monitor's state folder; return what draws it."""
+    from monitor.view.stored import stored_event
 
-    def draw(on: Drawing) -> None:
-        from monitor.view.stored import draw_event
-
-        draw_event(folder, event, on)
-
-    return draw
+    return stored_event(folder, event)
 
 
 def _check(file: Path | None, connect: str | None, event: str | None, how: str, save: Path | None) -> None:

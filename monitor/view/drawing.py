@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from monitor.contract.evidence import Answers, Fleet, Pane, Scale, Step, Trend, Window
+
+Draw = Callable[["Drawing"], None]
+"""What draws."""
 
 
 class ViewError(RuntimeError):

@@ -19,7 +19,7 @@ from monitor.contract.summary import Contents
 from monitor.wire.encode import decode_record, encode_record
 
 from . import pages
-from .drawing import Drawing
+from .drawing import Draw, Drawing
 
 DRAWN_LOOPS = 60
 """The worst, with charts of their own: five dozens of tabs. The report has hundreds, and the tables all."""
@@ -32,7 +32,7 @@ LOOK_EVERY_S = 0.25
 
 
 def show_drawn(
-    draw: Callable[[Drawing], None],
+    read: Callable[[], Draw],
     save: Path | None,
     viewer: RerunProcess | None,
     stop: Stop,
@@ -42,8 +42,8 @@ def show_drawn(
 
     Parameters
     ----------
-    draw
-        What draws.
+    read
+        Returns what draws; called before there is a recording, which it may refuse.
     save
         Record into this file, too.
     viewer
@@ -52,6 +52,7 @@ def show_drawn(
         Called once all is drawn.
     """
     try:
+        draw = read()
         recording = picture.open_recording(viewer.proxy if viewer else None, save)
         try:
             draw(picture.Picture(recording, live=False))

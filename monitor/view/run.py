@@ -14,7 +14,7 @@ from monitor.adapters.process import Stop
 from monitor.adapters.rerun_view import process
 from monitor.adapters.rerun_view.process import RerunError, RerunProcess
 
-from .drawing import Drawing, ViewError
+from .drawing import Draw, ViewError
 
 logger = logging.getLogger("loopsight.view")
 
@@ -75,8 +75,13 @@ def watch(endpoint: str, wanted: Wanted, stop: Stop) -> None:
         stop.set()
 
 
-def look_back(draw: Callable[[Drawing], None], wanted: Wanted, stop: Stop) -> None:
-    """Show what ``draw`` draws, which is over, until told to stop or the viewer has been closed.
+def look_back(read: Callable[[], Draw], wanted: Wanted, stop: Stop) -> None:
+    """Show what is over, until told to stop or the viewer has been closed.
+
+    Parameters
+    ----------
+    read
+        Returns what draws it; called when the viewer has been started.
 
     Raises
     ------
@@ -86,7 +91,7 @@ def look_back(draw: Callable[[Drawing], None], wanted: Wanted, stop: Stop) -> No
     viewer = _viewer(wanted.how)
     from . import recorded  # noqa: PLC0415 (what it imports starts threads, and the viewer is forked)
 
-    recorded.show_drawn(draw, wanted.save, viewer, stop, lambda: _announce(viewer, wanted.browser))
+    recorded.show_drawn(read, wanted.save, viewer, stop, lambda: _announce(viewer, wanted.browser))
 
 
 def _viewer(how: str, file: Path | None = None) -> RerunProcess | None:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from monitor.adapters.store import Store
-from monitor.contract.evidence import Pane
+from monitor.contract.evidence import Pane, Window
 from monitor.wire.arrow import decode_window
 from monitor.wire.encode import decode_record
 
 from . import pages
-from .drawing import Drawing
+from .drawing import Draw, Drawing
+from .pages import Row
 from .selection import as_row
 
 
-def draw_event(folder: Path, event: str, on: Drawing) -> None:
-    """Draw an event, whatever its loop's verdict.
+def stored_event(folder: Path, event: str) -> Draw:
+    """Read an event, whatever its loop's verdict; return what draws it.
 
     Parameters
     ----------
@@ -43,6 +45,10 @@ def draw_event(folder: Path, event: str, on: Drawing) -> None:
         raise ValueError(f"{folder}: no event {event}, or it is no longer kept")
     assessment, window = decode_record(found[1]), decode_window(evidence[1])
     facts = as_row(assessment) if row is None else decode_record(row)
+    return partial(_draw, assessment, window, facts)
+
+
+def _draw(assessment: Row, window: Window, facts: Row, on: Drawing) -> None:
     scale = pages.scale_of(facts)
     on.window(window, scale)
     on.log(*pages.log_line(assessment), int(window.time[-1]))

@@ -15,14 +15,15 @@ from monitor.view import recorded
 from monitor.view.recorded import DRAWN_LOOPS, draw_audit, fleet_of, record_audit, show_drawn
 from tests.monitor.report.tools import contents, event, fleet, retune, window
 from tests.monitor.view.tools import Sketch
-from tests.support.recordings import read, texts
+from tests.support.recordings import read as read_back
+from tests.support.recordings import texts
 
 
 def test_read_back_it_equals_the_tables(tmp_path: Path) -> None:
     """Each window of each loop, sample by sample, with its residual; each prediction in the size of its step."""
     audit = contents()
     record_audit(audit, tmp_path / "a.rrd")
-    found = read(tmp_path / "a.rrd")
+    found = read_back(tmp_path / "a.rrd")
     for kept in audit.windows:
         columns = {
             "SP": kept.sp,
@@ -117,7 +118,24 @@ def test_it_ends_by_itself_where_nobody_looks(tmp_path: Path) -> None:
     sizes: list[int] = []
     file = tmp_path / "a.rrd"
     show_drawn(
-        lambda on: on.page("# Here"), file, None, threading.Event(), lambda: sizes.append(file.stat().st_size)
+        lambda: lambda on: on.page("# Here"),
+        file,
+        None,
+        threading.Event(),
+        lambda: sizes.append(file.stat().st_size),
     )
     assert sizes == [file.stat().st_size]
     assert texts(file, "/overview") == ["# Here"]
+
+
+def test_what_cannot_be_read_leaves_what_was_recorded_before(tmp_path: Path) -> None:
+    """The file is not begun."""
+    file = tmp_path / "a.rrd"
+    file.write_bytes(b"before")
+
+    def read() -> None:
+        raise ValueError("no audit")
+
+    with pytest.raises(ValueError, match="no audit"):
+        show_drawn(read, file, None, threading.Event(), pytest.fail)  # type: ignore[arg-type]
+    assert file.read_bytes() == b"before"

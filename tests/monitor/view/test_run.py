@@ -97,7 +97,7 @@ def test_a_viewer_that_is_missing_is_one_line(monkeypatch: pytest.MonkeyPatch) -
 def test_what_is_over_is_drawn_and_ends_by_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Where it is only recorded."""
     drawn: list[Any] = []
-    look_back(drawn.append, Wanted("none", tmp_path / "a.rrd"), threading.Event())
+    look_back(lambda: drawn.append, Wanted("none", tmp_path / "a.rrd"), threading.Event())
     assert len(drawn) == 1
     assert capsys.readouterr().out == "view none\n"
     assert (tmp_path / "a.rrd").stat().st_size > 0

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor.view.stored import draw_event
+from monitor.view.stored import stored_event
 from tests.monitor.view.tools import Sketch
 from tests.support.fake_monitor import assessment, demo_loops, row, window_payload
 from tests.support.stores import quick
@@ -35,7 +35,7 @@ def test_an_event_is_drawn_whatever_the_verdict(folder: Path, known: bool) -> No
             store.keep_row(GOOD.key, json.dumps({**row(GOOD), "unit": "bar"}).encode())
         store.close()
     sketch = Sketch()
-    draw_event(folder, GOOD.id, sketch)
+    stored_event(folder, GOOD.id)(sketch)
     assert sketch.windows == [GOOD.name]
     assert GOOD.name in (sketch.pages[GOOD.name] or "").replace("\\", "")
     ((panes, active),) = sketch.layouts
@@ -47,10 +47,10 @@ def test_an_event_is_drawn_whatever_the_verdict(folder: Path, known: bool) -> No
 
 def test_what_is_not_there_is_said_in_one_line(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no event 0123"):
-        draw_event(folder, "0123", Sketch())
+        stored_event(folder, "0123")
     with pytest.raises(ValueError, match=r"no loopsight\.sqlite"):
-        draw_event(tmp_path / "nowhere", GOOD.id, Sketch())
+        stored_event(tmp_path / "nowhere", GOOD.id)
     running = quick(folder)
     with pytest.raises(OSError, match="another monitor uses this folder"):
-        draw_event(folder, GOOD.id, Sketch())
+        stored_event(folder, GOOD.id)
     running.close()

@@ -36,7 +36,6 @@ STATIONS: dict[str, tuple[str, ...]] = {
             "contract",
             "engine",
             "verdict.stale",
-            "verdict.row",
             "verdict.together",
             "wire",
             "adapters",
@@ -70,7 +69,9 @@ HOMES: dict[str, set[str]] = {
     "numba": {"monitor/compiled.py", "sim_plants/kernel.py"},
     "zenoh": {"monitor/adapters/zenoh_bus.py"},
     "sqlite3": {"monitor/adapters/store.py"},
-    "rerun": {f"monitor/adapters/rerun_view/{n}.py" for n in ("picture", "layout")},
+    "rerun": {
+        f"monitor/adapters/rerun_view/{n}.py" for n in ("fleet", "layout", "panes", "picture", "series")
+    },
     "socket": {"monitor/adapters/rerun_view/process.py"},
     "pyarrow": {
         *(f"monitor/wire/{n}.py" for n in ("arrow", "decode")),

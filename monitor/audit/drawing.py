@@ -1,4 +1,4 @@
-"""An audit's folder to its report: what its tables hold, summed up, drawn, and written beside them."""
+"""An audit's folder to what is shown of it: what its tables hold, summed up; drawn as a report beside them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from pathlib import Path
 from monitor.adapters.files import write_text
 from monitor.adapters.tables import EVENTS_FILE, LOOPS_FILE, read_evidence, read_records
 from monitor.contract.records import Assessment, LoopRow
-from monitor.report.draw import Contents, draw
+from monitor.contract.summary import Contents
+from monitor.report.draw import draw
 
 from .summary import summary_of
 
@@ -25,6 +26,21 @@ def draw_report(out: Path) -> Path:
     ValueError
         The folder holds no audit: one line that says what is missing.
     """
+    text = draw(contents_of(out))
+    write_text(out / REPORT_FILE, text)
+    return out / REPORT_FILE
+
+
+def contents_of(out: Path) -> Contents:
+    """Return what there is to be shown of the audit in a folder.
+
+    Raises
+    ------
+    OSError
+        A file cannot be read.
+    ValueError
+        The folder holds no audit: one line that says what is missing.
+    """
     for name in (LOOPS_FILE, EVENTS_FILE, ABOUT_FILE):
         if not (out / name).is_file():
             raise ValueError(f"{out}: no {name}, expected the folder of an audit (--out)")
@@ -35,6 +51,4 @@ def draw_report(out: Path) -> Path:
     rows = read_records(out / LOOPS_FILE, LoopRow)
     events = read_records(out / EVENTS_FILE, Assessment)
     windows, answers = read_evidence(out)
-    text = draw(Contents(about, rows, events, windows, answers, summary_of(rows)))
-    write_text(out / REPORT_FILE, text)
-    return out / REPORT_FILE
+    return Contents(about, rows, events, windows, answers, summary_of(rows))

@@ -12,7 +12,7 @@ from typing import Any
 from monitor.adapters.files import write_text
 from monitor.adapters.historian.rows import Tally, UnusableError
 from monitor.adapters.tables import write_evidence, write_tables
-from monitor.verdict.row import worst_first
+from monitor.contract.danger import worst_first
 from monitor.verdict.together import cycling_together
 
 from .about import (

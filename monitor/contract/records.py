@@ -198,6 +198,10 @@ class LoopRow(msgspec.Struct, frozen=True, kw_only=True):
     new_overshoot: float | None = None
     new_iae_setpoint: float | None = None
     new_iae_load: float | None = None
+    unit: str = ""
+    """Of PV, by the loop table; empty where it names none."""
+    op_unit: str = ""
+    """Of OP."""
 
 
 class Suggestion(msgspec.Struct, frozen=True, kw_only=True):

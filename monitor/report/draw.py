@@ -5,8 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,13 +14,13 @@ from markupsafe import Markup
 
 from monitor.contract.evidence import Answers, Window
 from monitor.contract.figures import MEANINGS
+from monitor.contract.looks import LOOKS
 from monitor.contract.records import Assessment, LoopRow
-from monitor.contract.summary import KINDS, Summary
+from monitor.contract.summary import KINDS, Contents
 from monitor.contract.text import visible
 
 from .charts import charts_of
 from .fleet import fleet_of
-from .looks import LOOKS
 from .section import health_of, section_of
 from .words import clock, facts_of, first_clauses, number, percent
 
@@ -38,20 +37,6 @@ WITH_TREND = ("valve", "oscillating", "manual")
 """Kinds of loops whose newest samples are shown beside their events; of others, where there are none."""
 SHOWN_EVENTS = 8
 """Newest events in a section's table; `events.parquet` has all."""
-
-
-@dataclass(frozen=True, slots=True)
-class Contents:
-    """What a report shows."""
-
-    about: Mapping[str, Any]
-    """`audit.json`."""
-    rows: Sequence[LoopRow]
-    """Worst first."""
-    events: Sequence[Assessment]
-    windows: Sequence[Window]
-    answers: Sequence[Answers]
-    summary: Summary
 
 
 def draw(contents: Contents) -> str:

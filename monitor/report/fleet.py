@@ -31,15 +31,16 @@ def fleet_of(rows: Sequence[LoopRow], kinds: Mapping[str, str]) -> dict[str, Any
     points, missing = [], 0
     for row in rows:
         indices = [ci for ci in (row.ci_setpoint, row.ci_load) if ci is not None]
-        if not indices or row.ms is None:
+        at = place(row)
+        if at is None:
             missing += 1
             continue
         points.append(
             {
                 "loop": row.loop,
                 "kind": kinds[row.loop],
-                "x": round(_x(min(indices)), 1),
-                "y": round(_y(row.ms), 1),
+                "x": at[0],
+                "y": at[1],
                 "scale": round(min(0.8 + 0.15 * math.log10(1 + row.events), 1.4), 2),
                 "ci": min(indices),
                 "ms": row.ms,
@@ -52,7 +53,17 @@ def fleet_of(rows: Sequence[LoopRow], kinds: Mapping[str, str]) -> dict[str, Any
         crowd = "".join(f"M{p['x']} {p['y']}h0" for p in good)
         points = [p for p in points if p["kind"] != "good"]
     return {
+        **frame(),
         "crowd": crowd,
+        "points": points[::-1],
+        "labels": labels_of([p for p in points if p["kind"] != "good"]),
+        "missing": missing,
+    }
+
+
+def frame() -> dict[str, Any]:
+    """Return the picture's frame: its edges, limits and ticks."""
+    return {
         "width": WIDTH,
         "height": HEIGHT,
         "left": LEFT,
@@ -65,10 +76,15 @@ def fleet_of(rows: Sequence[LoopRow], kinds: Mapping[str, str]) -> dict[str, Any
         "ms_most": MS_MARGIN_RATIO * _USUAL.ms_max,
         "ci_ticks": [(round(_x(v), 1), f"{v:g}") for v in CI_TICKS],
         "ms_ticks": [(round(_y(v), 1), f"{v:g}") for v in MS_TICKS],
-        "points": points[::-1],
-        "labels": _labels([p for p in points if p["kind"] != "good"]),
-        "missing": missing,
     }
+
+
+def place(row: LoopRow) -> tuple[float, float] | None:
+    """Return where a loop stands in the picture; None for one without an index or a model."""
+    indices = [ci for ci in (row.ci_setpoint, row.ci_load) if ci is not None]
+    if not indices or row.ms is None:
+        return None
+    return round(_x(min(indices)), 1), round(_y(row.ms), 1)
 
 
 def _x(ci: float) -> float:
@@ -81,7 +97,7 @@ def _y(ms: float) -> float:
     return HEIGHT - BOTTOM - share * (HEIGHT - TOP - BOTTOM)
 
 
-def _labels(points: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def labels_of(points: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Place names beside their points where they hide no other name and leave the picture nowhere; worst first."""
     taken: list[tuple[float, float, float, float]] = [
         (p["x"] - 5, p["y"] - 5, p["x"] + 5, p["y"] + 5) for p in points

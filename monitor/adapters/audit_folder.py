@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from monitor.contract.records import Assessment, LoopRow, Spell
 
@@ -44,11 +45,9 @@ def read_audit(path: Path) -> AuditFolder:
         if not (path / name).is_file():
             raise ValueError(f"{path}: no {name}, expected the folder of an audit (--out)")
     try:
-        about = json.loads((path / ABOUT_FILE).read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{path / ABOUT_FILE}: no JSON: {error}") from None
-    if not isinstance(about, dict):
-        raise ValueError(f"{path / ABOUT_FILE}: {type(about).__name__}, expected an object")
+        about = msgspec.json.decode((path / ABOUT_FILE).read_bytes(), type=dict[str, Any])
+    except msgspec.MsgspecError as error:
+        raise ValueError(f"{path / ABOUT_FILE}: not what an audit says of itself: {error}") from None
     rows = read_records(path / LOOPS_FILE, LoopRow)
     events = read_records(path / EVENTS_FILE, Assessment)
     lacks = [

@@ -81,14 +81,14 @@ def _take(columns, sums, width, first, last_time, last):
         e = columns.sp[k] - columns.pv[k]
         if not columns.auto[k] or columns.quality[k] < QUALITY_UNCERTAIN:
             e = np.nan
-        if 0.0 < dt <= MOST_HELD_S and last[i, 0] == last[i, 0]:
+        if 0.0 < dt <= MOST_HELD_S and not np.isnan(last[i, 0]):
             at = _place(sums, width, first, i, last_time[i])
             if at >= 0:
                 sums[i, at, _SECONDS] += dt
                 sums[i, at, _ERROR] += dt * abs(last[i, 0])
                 sums[i, at, _SQUARE] += dt * last[i, 0] * last[i, 0]
                 move = abs(columns.op[k] - last[i, 1])
-                if e == e and move == move:
+                if not np.isnan(e) and not np.isnan(move):
                     sums[i, at, _PATH] += move
         last_time[i], last[i, 0], last[i, 1] = time, e, columns.op[k]
 

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from monitor.adapters.audit_folder import AuditFolder
 from monitor.contract.changes import MISSING, NEW, OUTCOMES, UNKNOWN, Comparison, LoopChange
-from monitor.contract.records import Assessment, LoopRow, Spell
+from monitor.contract.records import Assessment, Spell
 
 from .judge import judge
 

@@ -8,12 +8,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-LEVEL = 0.99
-"""Of all intervals here: some six figures of a loop are looked at, and at 95 % one loop in four that nothing has
-happened to would be called changed."""
+from monitor.contract.changes import LEVEL
+
 LEAST_SPELLS = 6
 """Spells of time below which their scatter is not known: of fewer, one is the rule and the next the exception."""
 MOST_VALUES = 200
@@ -73,7 +71,7 @@ def _least_rank(n: int, m: int) -> int:
 
 
 def ratio_of_means(
-    before: ArrayLike, weight_before: ArrayLike, after: ArrayLike, weight_after: ArrayLike
+    before: Sequence[tuple[float, float]], after: Sequence[tuple[float, float]]
 ) -> Ratio | None:
     """Return the ratio of two means over time; None where too few spells tell their scatter.
 
@@ -83,14 +81,9 @@ def ratio_of_means(
     Parameters
     ----------
     before, after
-        Means over spells of time.
-    weight_before, weight_after
-        The spells' lengths [s].
+        Of each spell of time its mean and its length [s].
     """
-    sides = [
-        _mean(np.asarray(v, dtype=float), np.asarray(w, dtype=float))
-        for v, w in ((before, weight_before), (after, weight_after))
-    ]
+    sides = [_mean(side) for side in (before, after)]
     if None in sides:
         return None
     (m0, v0, n0), (m1, v1, n1) = (side for side in sides if side is not None)
@@ -103,14 +96,15 @@ def ratio_of_means(
     return Ratio(math.exp(middle), math.exp(middle - reach), math.exp(middle + reach))
 
 
-def _mean(values: NDArray[np.float64], weights: NDArray[np.float64]) -> tuple[float, float, int] | None:
+def _mean(spells: Sequence[tuple[float, float]]) -> tuple[float, float, int] | None:
     """Return a mean over spells, the relative variance of that mean, and their number; None where that is not known."""
-    if len(values) < LEAST_SPELLS:
+    n = len(spells)
+    if n < LEAST_SPELLS:
         return None
+    values, weights = np.asarray(spells, dtype=float).T
     share = weights / weights.sum()
     mean = float(share @ values)
     if mean <= 0.0:
         return None
-    n = len(values)
     spread = float(share**2 @ (values - mean) ** 2) * n / (n - 1)
     return mean, spread / mean**2, n

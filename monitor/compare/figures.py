@@ -11,9 +11,11 @@ from monitor.contract.changes import BETTER, COMPARED, SAME, UNCLEAR, WORSE, Cha
 from monitor.contract.records import LOAD, SETPOINT, Assessment, Spell
 
 from .chance import Ratio, ratio_of_events, ratio_of_means
+from .conditions import Condition
 
-WORTH = 1.1
-"""Ratio from which on a change is worth a word, however sure it is."""
+WORTH, WORTH_OF_MEANS = 1.1, 1.25
+"""Ratios from which on a change is worth a word, however sure it is: of what events show, and of means over time, since
+no two periods are loaded alike."""
 ALIKE = 1.25
 """Ratio within which a figure is the same, if its interval lies within."""
 FAST_ENOUGH, ROBUST_ENOUGH = 1.0, 2.0
@@ -27,8 +29,7 @@ UNIT_STEPS = ("iae_setpoint", "iae_load")
 def changes_of(
     events: tuple[Sequence[Assessment], Sequence[Assessment]],
     spells: tuple[Sequence[Spell], Sequence[Spell]],
-    *,
-    alike: bool,
+    conditions: Sequence[Condition],
 ) -> list[Change]:
     """Return the figures of one loop that are known before or after.
 
@@ -36,8 +37,8 @@ def changes_of(
     ----------
     events, spells
         Of the loop, before and after.
-    alike
-        Whether noise, loads and steps were about the same: what depends on them counts only then.
+    conditions
+        In what noise, loads and steps differ: what that explains does not count.
     """
     found: dict[str, Change] = {}
     for name, value in _OF_EVENT.items():
@@ -45,13 +46,11 @@ def changes_of(
         if any(values):
             found[name] = _change(name, _medians(values), _lengths(values), ratio_of_events(*values))
     for name in (n for n, c in COMPARED.items() if not c.from_events):
-        means = [[getattr(s, name) for s in of] for of in spells]
-        weights = [[s.seconds for s in of] for of in spells]
+        means = [[(getattr(s, name), s.seconds) for s in of] for of in spells]
         if any(means):
-            ratio = ratio_of_means(means[0], weights[0], means[1], weights[1])
-            middle = [_mean(m, w) for m, w in zip(means, weights, strict=True)]
-            found[name] = _change(name, middle, _lengths(means), ratio)
-    return [_counted(change, found, alike=alike) for change in found.values()]
+            middle = [_mean(side) for side in means]
+            found[name] = _change(name, middle, _lengths(means), ratio_of_means(*means))
+    return [_counted(change, found, conditions) for change in found.values()]
 
 
 def _of_kind(kind: str, name: str) -> Callable[[Assessment], float | None]:
@@ -77,38 +76,49 @@ def _medians(values: Sequence[Sequence[float]]) -> list[float | None]:
     return [median(v) if v else None for v in values]
 
 
-def _lengths(values: Sequence[Sequence[float]]) -> tuple[int, int]:
+def _lengths(values: Sequence[Sequence[object]]) -> tuple[int, int]:
     return len(values[0]), len(values[1])
 
 
-def _mean(values: Sequence[float], weights: Sequence[float]) -> float | None:
-    return (
-        math.fsum(v * w for v, w in zip(values, weights, strict=True)) / math.fsum(weights)
-        if values
-        else None
-    )
+def _mean(spells: Sequence[tuple[float, float]]) -> float | None:
+    if not spells:
+        return None
+    return math.fsum(v * w for v, w in spells) / math.fsum(w for _, w in spells)
 
 
 def _change(
     name: str, middle: Sequence[float | None], numbers: tuple[int, int], ratio: Ratio | None
 ) -> Change:
-    if name == "ms":
-        middle = [math.inf if v is not None and v >= MOST_MS else v for v in middle]
-    value, low, high = (None, None, None) if ratio is None else ratio
-    return Change(name, *middle, *numbers, value, low, high, _says(name, ratio), counts=False)
+    says = _says(name, ratio)
+    if name == "ms" and any(v is not None and v >= MOST_MS for v in middle):
+        middle, ratio = [math.inf if v is not None and v >= MOST_MS else v for v in middle], None
+    return Change(
+        name,
+        before=middle[0],
+        after=middle[1],
+        n_before=numbers[0],
+        n_after=numbers[1],
+        ratio=None if ratio is None else ratio.value,
+        ratio_lo=None if ratio is None else ratio.low,
+        ratio_hi=None if ratio is None else ratio.high,
+        says=says,
+        counts=False,
+    )
 
 
 def _says(name: str, ratio: Ratio | None) -> str:
     """Say what a ratio means: better or worse where it is sure and worth a word, the same where it is surely small."""
     if ratio is None:
         return UNCLEAR
+    compared = COMPARED[name]
     sure = ratio.low > 1.0 or ratio.high < 1.0
-    if sure and not 1.0 / WORTH < ratio.value < WORTH:
-        return BETTER if (ratio.value > 1.0) == (COMPARED[name].sign > 0) else WORSE
-    return SAME if 1.0 / ALIKE <= ratio.low and ratio.high <= ALIKE else UNCLEAR
+    worth = WORTH if compared.from_events else WORTH_OF_MEANS
+    if sure and not 1.0 / worth < ratio.value < worth:
+        return BETTER if (ratio.value > 1.0) == (compared.sign > 0) else WORSE
+    return SAME if ratio.low >= 1.0 / ALIKE and ratio.high <= ALIKE else UNCLEAR
 
 
-def _counted(change: Change, others: dict[str, Change], *, alike: bool) -> Change:
+def _counted(change: Change, others: dict[str, Change], conditions: Sequence[Condition]) -> Change:
     """Return a figure with whether it counts: what matters, is not said by another, and not explained by the loads."""
     known = [v for v in (change.before, change.after) if v is not None]
     if change.name.startswith("ci_"):
@@ -119,5 +129,6 @@ def _counted(change: Change, others: dict[str, Change], *, alike: bool) -> Chang
         index = others.get(change.name.replace("iae_", "ci_"))
         counts = index is None or index.ratio is None
     else:
-        counts = alike and change.name != "op_path"
+        explained = any(c.harder == (change.says == WORSE) for c in conditions)
+        counts = not explained and change.name != "op_path"
     return replace(change, counts=counts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from monitor.contract.changes import (
@@ -20,7 +21,7 @@ from monitor.contract.changes import (
 from monitor.contract.records import GOOD, RETUNE, Assessment, LoopRow, Spell
 from monitor.verdict.row import FAULTS
 
-from .conditions import conditions_of, process_change
+from .conditions import Condition, conditions_of, process_change
 from .figures import changes_of
 from .settings import SettingsChange, settings_change, way_back
 
@@ -32,8 +33,8 @@ LOOK_AT = {
     "no_response": "look at the valve",
     "stuck_pv": "look at the transmitter",
     "manual": "ask the operators why it is in manual",
-    "saturated": "look for the bottleneck",
     "oscillating": "find where the cycle comes from",
+    "saturated": "look for the bottleneck",
 }
 """By flag that has come, the likeliest cause first."""
 
@@ -46,7 +47,7 @@ def judge(
     """Return what has become of a loop; rows, events and spells of it before and after."""
     before, after = rows
     conditions = conditions_of(rows, events, spells)
-    changes = changes_of(events, spells, alike=not conditions)
+    changes = changes_of(events, spells, conditions)
     settings = settings_change(before, after)
     better, worse = _signs(rows, changes)
     outcome = _outcome(rows, bool(better), bool(worse), changes)
@@ -63,7 +64,7 @@ def judge(
         "; ".join(filter(None, parts)),
         tuple(better),
         tuple(worse),
-        "; ".join(conditions),
+        "; ".join(c.words for c in conditions),
         tuple(changes),
         before,
         after,
@@ -86,9 +87,10 @@ def _signs(rows: tuple[LoopRow, LoopRow], changes: Sequence[Change]) -> tuple[li
 
 def _words(change: Change) -> str:
     """Say a change with its figures."""
-    unit = COMPARED[change.name].unit
-    figures = f"{change.before:.3g} → {change.after:.3g}" + (f" [{unit}]" if unit != "-" else "")
-    return f"{COMPARED[change.name].words.split(':')[0].split(', ')[0]} {figures}"
+    compared = COMPARED[change.name]
+    unit = f" [{compared.unit}]" if compared.unit != "-" else ""
+    before, after = ("unstable" if v == math.inf else f"{v:.3g}" for v in (change.before, change.after))
+    return f"{compared.words} {before} → {after}{unit}"
 
 
 def _outcome(rows: tuple[LoopRow, LoopRow], better: bool, worse: bool, changes: Sequence[Change]) -> str:
@@ -130,7 +132,7 @@ def _conclusion(outcome: str, settings: SettingsChange, rows: tuple[LoopRow, Loo
     return said
 
 
-def _why_unclear(changes: Sequence[Change], conditions: Sequence[str]) -> str:
+def _why_unclear(changes: Sequence[Change], conditions: Sequence[Condition]) -> str:
     """Say what keeps a change from being told."""
     events = [c for c in changes if COMPARED[c.name].from_events]
     if not changes:
@@ -142,7 +144,7 @@ def _why_unclear(changes: Sequence[Change], conditions: Sequence[str]) -> str:
     return "the scatter is larger than what has changed" if not conditions else "the conditions differ"
 
 
-def _cause(rows: tuple[LoopRow, LoopRow], outcome: str, conditions: Sequence[str]) -> str:
+def _cause(rows: tuple[LoopRow, LoopRow], outcome: str, conditions: Sequence[Condition]) -> str:
     """Say what may be behind a change that no retune explains."""
     before, after = rows
     process = process_change(before, after)

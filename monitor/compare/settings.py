@@ -48,7 +48,7 @@ def settings_change(before: LoopRow, after: LoopRow) -> SettingsChange:
         return SettingsChange(
             KEPT, f"{_words(after, '' if after.kp is not None else '_seen')}, as before", False
         )
-    end = "" if table is not None or before.kp is not None and after.kp is not None else "_seen"
+    end = "" if None not in (before.kp, after.kp) else "_seen"
     suggested = before.new_kp is not None and all(
         _alike(getattr(before, f"new_{n}"), getattr(after, n), SEEN_RATIO) for n in NAMES
     )

@@ -9,6 +9,7 @@ from typing import Any
 from monitor.contract.changes import (
     BETTER,
     COMPARED,
+    LEVEL,
     MISSING,
     MIXED,
     NEW,
@@ -28,6 +29,8 @@ from .words import facts_of, number
 
 SHOWN_SINCE = 5
 """Loops that page one of a report names, of those that got worse and of those that improved."""
+SHOWN_SIGNS = 3
+"""Of what has changed of such a loop, the heaviest first."""
 SHOWN_NAMES = 20
 """Loops that are new, missing or look renamed, by name."""
 MOST_FIGURES = 500
@@ -65,7 +68,8 @@ def draw_changes(found: Comparison) -> str:
             ],
             shown_names=SHOWN_NAMES,
             picture=_picture(found.of(WORSE, MIXED, BETTER)),
-            heads=[(COMPARED[name].words, COMPARED[name].unit) for name in IN_TABLE],
+            heads=[COMPARED[name] for name in IN_TABLE],
+            level=LEVEL,
             lines=[(c, _cells(c)) for c in found.loops],
             sections=[(c, [_figure(f) for f in c.changes]) for c in ordered[:MOST_FIGURES]],
             left=max(len(ordered) - MOST_FIGURES, 0),
@@ -81,6 +85,7 @@ def since_of(found: Comparison) -> dict[str, Any]:
     return {
         "before": facts_of(found.before),
         "found": found,
+        "shown_signs": SHOWN_SIGNS,
         "tiles": [(o, OUTCOME_LOOKS[o]) for o in OUTCOMES],
         "parts": [
             (OUTCOME_LOOKS[o], found.of(*of)[:SHOWN_SINCE], max(len(found.of(*of)) - SHOWN_SINCE, 0))

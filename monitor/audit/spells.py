@@ -43,13 +43,17 @@ class Spells:
         """(L,) length of a spell [ns]."""
         self._first = np.full(n, np.iinfo(np.int64).min, np.int64)
         """(L,) number of the first spell since 1970."""
+        self._place = np.zeros(n, np.int64)
+        self._until = np.full(n, np.iinfo(np.int64).min, np.int64)
+        """(L,) place and end of the spell that fills [ns since 1970]."""
         self._last_time = np.zeros(n, np.int64)
         self._last = np.full((n, 2), np.nan)
         """(L, 2) error and OP of the last sample; NaN where it does not count."""
 
     def take(self, samples: Samples) -> None:
         """Take in a batch, each loop's times increasing."""
-        _take(samples.columns(), self._sums, self._width, self._first, self._last_time, self._last)
+        spell = self._sums, self._width, self._first, self._place, self._until
+        _take(samples.columns(), spell, self._last_time, self._last)
 
     def found(self) -> list[Spell]:
         """Return the spells that were watched for long enough, by loop, then by time."""
@@ -73,33 +77,36 @@ class Spells:
 
 
 @jit
-def _take(columns, sums, width, first, last_time, last):
+def _take(columns, spell, last_time, last):
     """Sum samples into their loops' spells; each stands until the next (compiled)."""
+    sums, _, _, place, until = spell
     for k in range(len(columns.time)):
         i, time = columns.loop[k], columns.time[k]
         dt = (time - last_time[i]) * 1e-9
         e = columns.sp[k] - columns.pv[k]
         if not columns.auto[k] or columns.quality[k] < QUALITY_UNCERTAIN:
             e = np.nan
-        if 0.0 < dt <= MOST_HELD_S and not np.isnan(last[i, 0]):
-            at = _place(sums, width, first, i, last_time[i])
-            if at >= 0:
-                sums[i, at, _SECONDS] += dt
-                sums[i, at, _ERROR] += dt * abs(last[i, 0])
-                sums[i, at, _SQUARE] += dt * last[i, 0] * last[i, 0]
-                move = abs(columns.op[k] - last[i, 1])
-                if not np.isnan(e) and not np.isnan(move):
-                    sums[i, at, _PATH] += move
+        before = last[i, 0]
+        if 0.0 < dt <= MOST_HELD_S and not np.isnan(before):
+            if last_time[i] >= until[i]:
+                _next(spell, i, last_time[i])
+            at = sums[i, place[i]]
+            at[_SECONDS] += dt
+            at[_ERROR] += dt * abs(before)
+            at[_SQUARE] += dt * before * before
+            move = abs(columns.op[k] - last[i, 1])
+            if not np.isnan(e) and not np.isnan(move):
+                at[_PATH] += move
         last_time[i], last[i, 0], last[i, 1] = time, e, columns.op[k]
 
 
 @jit
-def _place(sums, width, first, i, time):
-    """Return the place of a time's spell, -1 for one before the first; spells are joined where it is too far on."""
-    number = time // width[i]
+def _next(spell, i, time):
+    """Go on to the spell of a time; spells are joined, two and two, where it is too far on."""
+    sums, width, first, place, until = spell
     if first[i] == np.iinfo(np.int64).min:
-        first[i] = number
-    while number - first[i] >= MOST_SPELLS:
+        first[i] = time // width[i]
+    while time // width[i] - first[i] >= MOST_SPELLS:
         half = first[i] // 2
         for k in range(MOST_SPELLS):
             to = (first[i] + k) // 2 - half
@@ -108,5 +115,5 @@ def _place(sums, width, first, i, time):
                 sums[i, k, j] = 0.0
                 sums[i, to, j] += value
         first[i], width[i] = half, 2 * width[i]
-        number = time // width[i]
-    return number - first[i] if number >= first[i] else -1
+    place[i] = time // width[i] - first[i]
+    until[i] = (time // width[i] + 1) * width[i]

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from scipy import special
 
 from monitor.contract.changes import LEVEL
-from monitor.contract.records import SETPOINT, Assessment, LoopRow, Spell
+from monitor.contract.records import LOAD, SETPOINT, Assessment, LoopRow, Spell
 
 from .chance import ratio_of_events
 
 NOISE_RATIO = 1.5
 """From which on noise is not the same: an estimate of it is good to some ten per cent."""
 OFTEN_RATIO = 2.0
-"""From which on steps and upsets come more often, or are larger, than is small talk."""
+"""From which on moves and upsets come more often, or are larger, than is small talk."""
 PROCESS_RATIO = 1.2
 """From which on a gain or a time of the process is another one, where the intervals do not meet."""
 DAY_S = 86400.0
-STEPS, UPSETS = "set-point steps", "upsets"
+MUCH_SHARE = 0.2
+"""Of the error's integral that belongs to set-point steps, from which on more or fewer of them explain its mean."""
 
 
 class Condition(NamedTuple):
@@ -47,26 +49,36 @@ def conditions_of(
     if before.noise and after.noise and _far(after.noise / before.noise, NOISE_RATIO):
         words = f"noise {before.noise:.3g} → {after.noise:.3g} [PV]"
         said.append(Condition(words, after.noise > before.noise))
-    said += _often(events, [sum(s.seconds for s in of) / DAY_S for of in spells])
-    for kind, words, unit in (("load", "load steps", "OP"), (SETPOINT, STEPS, "PV")):
-        sizes = [[abs(e.amplitude) for e in of if e.kind == kind and e.amplitude] for of in events]
-        ratio = ratio_of_events(*sizes)
-        if ratio is not None and not ratio.low <= 1.0 <= ratio.high and _far(ratio.value, OFTEN_RATIO):
-            said.append(Condition(f"{words} {ratio.value:.2g} times as large [{unit}]", ratio.value > 1.0))
+    days = [sum(s.seconds for s in of) / DAY_S for of in spells]
+    if min(days) > 0.0:
+        said += [*_moves(events, spells, days), *_often(events, days)]
+    sizes = [[abs(e.amplitude) for e in of if e.kind == LOAD and e.amplitude] for of in events]
+    ratio = ratio_of_events(*sizes)
+    if ratio is not None and not ratio.low <= 1.0 <= ratio.high and _far(ratio.value, OFTEN_RATIO):
+        said.append(Condition(f"load steps {ratio.value:.2g} times as large [OP]", ratio.value > 1.0))
     return said
 
 
-def _often(
-    events: tuple[Sequence[Assessment], Sequence[Assessment]], days: Sequence[float]
+def _moves(
+    events: Sequence[Sequence[Assessment]], spells: Sequence[Sequence[Spell]], days: Sequence[float]
 ) -> Iterator[Condition]:
-    """Return by what steps and upsets come more or less often, in so many days that were watched."""
-    if min(days) <= 0.0:
-        return
-    for name in (STEPS, UPSETS):
-        n = [sum((STEPS if e.kind == SETPOINT else UPSETS) == name for e in of) for of in events]
-        rates = [k / d for k, d in zip(n, days, strict=True)]
-        if _more_often(n, days) and not min(rates) * OFTEN_RATIO > max(rates):
-            yield Condition(f"{name} {rates[0]:.2g} → {rates[1]:.2g} a day", rates[1] > rates[0])
+    """Return by how much more, or less, the set point was moved, where that is a good part of the error."""
+    steps = [[e for e in of if e.kind == SETPOINT] for of in events]
+    moved = [sum(abs(e.amplitude) for e in of) / d for of, d in zip(steps, days, strict=True)]
+    shares = [
+        sum(e.iae or 0.0 for e in of) / (sum(s.error * s.seconds for s in hours) or math.inf)
+        for of, hours in zip(steps, spells, strict=True)
+    ]
+    if max(shares) >= MUCH_SHARE and min(moved) * OFTEN_RATIO <= max(moved):
+        yield Condition(f"set point moved {moved[0]:.3g} → {moved[1]:.3g} [PV] a day", moved[1] > moved[0])
+
+
+def _often(events: Sequence[Sequence[Assessment]], days: Sequence[float]) -> Iterator[Condition]:
+    """Return by what upsets and load steps come more or less often, in so many days that were watched."""
+    n = [sum(e.kind != SETPOINT for e in of) for of in events]
+    rates = [k / d for k, d in zip(n, days, strict=True)]
+    if _more_often(n, days) and min(rates) * OFTEN_RATIO <= max(rates):
+        yield Condition(f"upsets {rates[0]:.2g} → {rates[1]:.2g} a day", rates[1] > rates[0])
 
 
 def process_change(before: LoopRow, after: LoopRow) -> str:

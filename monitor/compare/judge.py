@@ -49,11 +49,19 @@ def judge(
     conditions = conditions_of(rows, events, spells)
     changes = changes_of(events, spells, conditions)
     settings = settings_change(before, after)
-    better, worse = _signs(rows, changes)
-    outcome = _outcome(rows, bool(better), bool(worse), changes)
+    better, worse = _signs(rows, [c for c in changes if COMPARED[c.name].from_events])
+    errors = _told([c for c in changes if not COMPARED[c.name].from_events])
+    # a mean over time is of the loads as well as of the loop: it speaks where a retune is what has changed
+    if better or worse or settings.state == RETUNED:
+        better, worse = better + errors[0], worse + errors[1]
+    outcome = _outcome(rows, bool(better), bool(worse), changes, any(errors))
     parts = [_conclusion(outcome, settings, rows)]
-    if outcome == UNCLEAR:
-        parts.append(_why_unclear(changes, conditions))
+    if outcome == UNCLEAR and not any(errors):
+        parts.append(_why_unclear(changes))
+    if outcome == UNCLEAR and any(errors):
+        parts.append(
+            f"{'; '.join(errors[0] + errors[1])}: loop or loads, which of the two the events do not tell"
+        )
     if settings.state != RETUNED and outcome in (WORSE, MIXED, BETTER):
         parts.append(_cause(rows, outcome, conditions))
     return LoopChange(
@@ -80,8 +88,13 @@ def _signs(rows: tuple[LoopRow, LoopRow], changes: Sequence[Change]) -> tuple[li
         better.append("to retune no more")
     if (before.verdict, after.verdict) == (GOOD, RETUNE):
         worse.append("to retune now")
-    better += [_words(c) for c in changes if c.counts and c.says == BETTER]
-    worse += [_words(c) for c in changes if c.counts and c.says == WORSE]
+    told = _told(changes)
+    return better + told[0], worse + told[1]
+
+
+def _told(changes: Sequence[Change]) -> tuple[list[str], list[str]]:
+    """Return those figures that count, in words: the better ones, the worse ones."""
+    better, worse = ([_words(c) for c in changes if c.counts and c.says == says] for says in (BETTER, WORSE))
     return better, worse
 
 
@@ -93,15 +106,17 @@ def _words(change: Change) -> str:
     return f"{compared.words} {before} → {after}{unit}"
 
 
-def _outcome(rows: tuple[LoopRow, LoopRow], better: bool, worse: bool, changes: Sequence[Change]) -> str:
+def _outcome(
+    rows: tuple[LoopRow, LoopRow], better: bool, worse: bool, changes: Sequence[Change], errors: bool
+) -> str:
     """Return what all signs come to; from instability or towards it outweighs the rest."""
     near = [NEAR in row.flags for row in rows]
     if near[0] != near[1]:
         return WORSE if near[1] else BETTER
     if better or worse:
         return MIXED if better and worse else BETTER if better else WORSE
-    told = any(c.says != UNCLEAR for c in changes)
-    return SAME if told else UNCLEAR
+    told = {c.says for c in changes if COMPARED[c.name].from_events or c.counts} - {UNCLEAR}
+    return SAME if told and not errors else UNCLEAR
 
 
 _CONCLUSIONS = {
@@ -132,7 +147,7 @@ def _conclusion(outcome: str, settings: SettingsChange, rows: tuple[LoopRow, Loo
     return said
 
 
-def _why_unclear(changes: Sequence[Change], conditions: Sequence[Condition]) -> str:
+def _why_unclear(changes: Sequence[Change]) -> str:
     """Say what keeps a change from being told."""
     events = [c for c in changes if COMPARED[c.name].from_events]
     if not changes:
@@ -141,7 +156,7 @@ def _why_unclear(changes: Sequence[Change], conditions: Sequence[Condition]) -> 
         seen = max(events, key=lambda c: min(c.n_before, c.n_after), default=None)
         numbers = f"{seen.n_before} and {seen.n_after}" if seen else "none"
         return f"too few events before and after ({numbers}; 5 and 5 of a kind tell)"
-    return "the scatter is larger than what has changed" if not conditions else "the conditions differ"
+    return "the scatter is larger than what has changed"
 
 
 def _cause(rows: tuple[LoopRow, LoopRow], outcome: str, conditions: Sequence[Condition]) -> str:
@@ -155,7 +170,7 @@ def _cause(rows: tuple[LoopRow, LoopRow], outcome: str, conditions: Sequence[Con
         return process
     gone = [flag.replace("_", " ") for flag in LOOK_AT if flag in before.flags and flag not in after.flags]
     if gone and outcome == BETTER:
-        return f"{gone[0]} is gone: was it repaired?"
+        return f"{gone[0]} is seen no more: repaired, or not excited?"
     if conditions:
         return "other conditions may be the cause"
     return "valve, process or load has changed: stroke the valve first" if outcome != BETTER else ""

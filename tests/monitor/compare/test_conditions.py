@@ -20,12 +20,23 @@ def test_noise() -> None:
     assert not conditions_of((row(noise=0.05), row()), ([], []), DAY)[0].harder
 
 
-def test_steps_come_more_often() -> None:
-    (found,) = conditions_of((row(), row()), (events([0.5] * 2), events([0.5] * 24)), DAY)
-    assert found.words == "set-point steps 2 → 24 a day"
+def test_the_set_point_is_moved_more() -> None:
+    few, many = events([0.01] * 2, amplitude=15.0), events([0.01] * 8, amplitude=15.0)
+    (found,) = conditions_of((row(), row()), (few, many), DAY)
+    assert found.words == "set point moved 30 → 120 [PV] a day"
     assert found.harder
-    assert conditions_of((row(), row()), ([], events([0.5] * 4)), DAY) == []  # by chance
-    assert conditions_of((row(), row()), ([], events([0.5] * 24)), ([], DAY[1])) == []  # not known how long
+    assert (
+        conditions_of((row(), row()), (events([9.0] * 2), events([9.0] * 8)), DAY) == []
+    )  # no part of the error
+    assert conditions_of((row(), row()), (few, many), ([], DAY[1])) == []  # not known how long
+
+
+def test_upsets_come_more_often() -> None:
+    (found,) = conditions_of(
+        (row(), row()), (events([0.5] * 2, kind="load"), events([0.5] * 24, kind="load")), DAY
+    )
+    assert found.words == "upsets 2 → 24 a day"
+    assert conditions_of((row(), row()), ([], events([0.5] * 4, kind="load")), DAY) == []  # by chance
 
 
 def test_loads_are_larger() -> None:

@@ -58,7 +58,9 @@ def test_worse_by_itself_has_a_cause_to_look_for(more: dict[str, object], cause:
 
 def test_better_without_a_retune() -> None:
     found = judged(row(flags=("stiction",), verdict="inconclusive"), row(), (SLOW, FAST))
-    assert found.conclusion == "better, though not retuned; stiction is gone: was it repaired?"
+    assert (
+        found.conclusion == "better, though not retuned; stiction is seen no more: repaired, or not excited?"
+    )
 
 
 def test_better_in_one_and_worse_in_another() -> None:
@@ -80,6 +82,15 @@ def test_as_before() -> None:
         SAME,
         "as before; the settings that were suggested are not in",
     )
+
+
+def test_an_error_alone_is_of_the_loads_as_well() -> None:
+    """Without a retune it is said, and decides nothing; after one it does."""
+    found = judged(row(), row(), error=0.2)
+    assert found.outcome == UNCLEAR
+    assert "mean size of the error" in found.conclusion
+    assert found.conclusion.endswith("loop or loads, which of the two the events do not tell")
+    assert judged(row(), row(kp=4.0), error=0.2).outcome == WORSE
 
 
 def test_too_few_events_are_counted() -> None:

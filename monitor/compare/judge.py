@@ -126,7 +126,7 @@ _CONCLUSIONS = {
     (WORSE, RETUNED): "retuned and worse: go back to {back}",
     (WORSE, KEPT): "not retuned, worse by itself",
     (WORSE, UNKNOWN): "worse; whether it was retuned is not known",
-    (MIXED, RETUNED): "retuned, better in one and worse in another: weigh them; the way back is {back}",
+    (MIXED, RETUNED): "retuned, better in one and worse in another: weigh them, or go back to {back}",
     (MIXED, KEPT): "not retuned, better in one and worse in another",
     (MIXED, UNKNOWN): "better in one and worse in another; whether it was retuned is not known",
     (SAME, RETUNED): "retuned, and as good or bad as before",
@@ -139,10 +139,16 @@ _CONCLUSIONS = {
 
 
 def _conclusion(outcome: str, settings: SettingsChange, rows: tuple[LoopRow, LoopRow]) -> str:
-    said = _CONCLUSIONS[outcome, settings.state].format(back=way_back(rows[0]))
+    before, after = rows
+    back = way_back(before)
+    if NEAR in before.flags:
+        back = f"something between: {back} was near instability"
+    said = _CONCLUSIONS[outcome, settings.state].format(back=back)
+    if settings.state == RETUNED and outcome in (WORSE, MIXED) and after.new_kp is not None:
+        said += "; what the later audit suggests is the way on"
     if settings.as_suggested:
         said = said.replace("retuned", "retuned as suggested", 1)
-    if settings.state == KEPT and rows[0].new_kp is not None and outcome != BETTER:
+    if settings.state == KEPT and before.new_kp is not None and outcome != BETTER:
         said += "; the settings that were suggested are not in"
     return said
 

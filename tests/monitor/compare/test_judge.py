@@ -40,6 +40,15 @@ def test_retuned_and_worse_has_the_way_back() -> None:
     assert found.conclusion == "retuned and worse: go back to kp = 2, ti = 60 s"
 
 
+def test_the_way_back_is_not_into_danger_and_there_may_be_a_way_on() -> None:
+    near = row(flags=("near_instability",), verdict="retune")
+    after = row(kp=1.0, flags=("near_instability",), verdict="retune", new_kp=0.5)
+    assert judged(near, after, (FAST, SLOW)).conclusion == (
+        "retuned and worse: go back to something between: kp = 2, ti = 60 s was near instability; what the later audit "
+        "suggests is the way on"
+    )
+
+
 @pytest.mark.parametrize(
     ("more", "cause"),
     [
@@ -66,7 +75,7 @@ def test_better_without_a_retune() -> None:
 def test_better_in_one_and_worse_in_another() -> None:
     found = judged(row(), row(kp=4.0), (SLOW, FAST), error=0.3)
     assert found.outcome == MIXED
-    assert "the way back is kp = 2" in found.conclusion
+    assert "or go back to kp = 2" in found.conclusion
 
 
 def test_from_and_towards_instability_outweighs_the_rest() -> None:

@@ -35,6 +35,8 @@ SHOWN_NAMES = 20
 """Loops that are new, missing or look renamed, by name."""
 MOST_FIGURES = 500
 """Loops whose figures stand in the page, the changed ones first: some 3 kB each."""
+MOST_ARROWS = 300
+"""In the picture, those that got worse first: more hide each other, and none has room for its name."""
 RATIO_REACH = 4.0
 """Ratio at the ends of an interval's picture, and one over it."""
 BAR_WIDTH, BAR_HEIGHT = 150, 14
@@ -67,8 +69,9 @@ def draw_changes(found: Comparison) -> str:
                 (title, [c.loop for c in found.of(o)]) for title, o in (("New", NEW), ("Missing", MISSING))
             ],
             shown_names=SHOWN_NAMES,
-            picture=_picture(found.of(WORSE, MIXED, BETTER)),
+            picture=_picture(found.of(WORSE) + found.of(MIXED) + found.of(BETTER)),
             heads=[COMPARED[name] for name in IN_TABLE],
+            most_arrows=MOST_ARROWS,
             level=LEVEL,
             lines=[(c, _cells(c)) for c in found.loops],
             sections=[(c, [_figure(f) for f in c.changes]) for c in ordered[:MOST_FIGURES]],
@@ -96,15 +99,19 @@ def since_of(found: Comparison) -> dict[str, Any]:
 
 def _picture(loops: Sequence[LoopChange]) -> dict[str, Any]:
     """Return arrows from where loops stood to where they stand, and the names that find room."""
-    arrows, missing = [], 0
+    arrows: list[dict[str, Any]] = []
     for change in loops:
         ends = [place(row) for row in (change.before, change.after) if row is not None]
-        if len(ends) < 2 or None in ends:
-            missing += 1
+        if len(ends) < 2 or None in ends or len(arrows) == MOST_ARROWS:
             continue
         (x0, y0), (x1, y1) = (end for end in ends if end is not None)
         arrows.append({"loop": change.loop, "outcome": change.outcome, "x0": x0, "y0": y0, "x": x1, "y": y1})
-    return {**frame(), "arrows": arrows[::-1], "labels": labels_of(arrows), "missing": missing}
+    return {
+        **frame(),
+        "arrows": arrows[::-1],
+        "labels": labels_of(arrows),
+        "missing": len(loops) - len(arrows),
+    }
 
 
 def _cells(change: LoopChange) -> list[tuple[str, str]]:

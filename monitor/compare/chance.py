@@ -62,10 +62,9 @@ def _least_rank(n: int, m: int) -> int:
     ways = np.zeros(n * m + 1)
     ways[0] = 1.0
     for k in range(1, n + 1):
-        for i in range(len(ways) - 1, m + k - 1, -1):  # times 1 - x^(m + k)
-            ways[i] -= ways[i - m - k]
-        for i in range(k, len(ways)):  # over 1 - x^k
-            ways[i] += ways[i - k]
+        ways[m + k :] -= ways[: -m - k].copy()  # times 1 - x^(m + k)
+        padded = np.pad(ways, (0, -len(ways) % k)).reshape(-1, k)
+        ways = padded.cumsum(axis=0).ravel()[: len(ways)]  # over 1 - x^k
     tail = np.cumsum(ways) / special.comb(n + m, n)
     return int(np.searchsorted(tail, (1.0 - LEVEL) / 2.0, side="right"))
 

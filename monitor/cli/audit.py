@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from .common import Command, Refused
+from .common import Command, Refused, since_audit_option
 
 _HELP = """Audit a fleet from historian exports.
 
@@ -50,6 +50,7 @@ Example:
 @click.option(
     "--map", metavar="FILE", help="How the exports are to be read, as `loopsight import` writes it."
 )
+@since_audit_option
 @click.option("--resume", is_flag=True, help="Go on with an audit of the same data that was stopped.")
 @click.option("--rrd", is_flag=True, help="Write audit.rrd, too: what `loopsight view DIR` shows.")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, e.g. tcp://10.0.0.5:8786.")

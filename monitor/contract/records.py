@@ -204,6 +204,21 @@ class LoopRow(msgspec.Struct, frozen=True, kw_only=True):
     """Of OP."""
 
 
+class Spell(msgspec.Struct, frozen=True, kw_only=True):
+    """How a loop ran in one of equal spells of time, in automatic: a row of ``spells.parquet``."""
+
+    loop: str
+    start: int
+    seconds: float
+    """That were watched in automatic [s]."""
+    error: float
+    """Mean size of the error [PV]."""
+    error_rms: float
+    """Root of its mean square [PV]."""
+    op_path: float
+    """Way of OP, every move counted [OP/h]."""
+
+
 class Suggestion(msgspec.Struct, frozen=True, kw_only=True):
     """A loop's row when its verdict is ``retune`` with settings, and the ids of the events it rests on."""
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from .changes import Comparison
 from .evidence import Answers, Window
 from .records import Assessment, LoopRow
 
@@ -69,3 +70,5 @@ class Contents:
     windows: Sequence[Window]
     answers: Sequence[Answers]
     summary: Summary
+    since: Comparison | None = None
+    """What has changed since the last audit, where one is given."""

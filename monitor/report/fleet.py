@@ -35,17 +35,17 @@ def fleet_of(rows: Sequence[LoopRow], kinds: Mapping[str, str]) -> dict[str, Any
     """Return the picture's frame, its points (the worst drawn last, on top), its labels, and who is not in it."""
     points, missing = [], 0
     for row in rows:
-        place = ci_and_ms(row)
-        if place is None:
+        found, at = ci_and_ms(row), place(row)
+        if found is None or at is None:
             missing += 1
             continue
-        ci, ms = place
+        ci, ms = found
         points.append(
             {
                 "loop": row.loop,
                 "kind": kinds[row.loop],
-                "x": round(float(across(ci)), 1),
-                "y": round(float(down(ms)), 1),
+                "x": at[0],
+                "y": at[1],
                 "scale": round(min(0.8 + 0.15 * math.log10(1 + row.events), 1.4), 2),
                 "ci": ci,
                 "ms": ms,
@@ -58,7 +58,17 @@ def fleet_of(rows: Sequence[LoopRow], kinds: Mapping[str, str]) -> dict[str, Any
         crowd = "".join(f"M{p['x']} {p['y']}h0" for p in good)
         points = [p for p in points if p["kind"] != "good"]
     return {
+        **frame(),
         "crowd": crowd,
+        "points": points[::-1],
+        "labels": labels_of([p for p in points if p["kind"] != "good"]),
+        "missing": missing,
+    }
+
+
+def frame() -> dict[str, Any]:
+    """Return the picture's frame: its edges, limits and ticks."""
+    return {
         "width": WIDTH,
         "height": HEIGHT,
         "left": LEFT,
@@ -71,13 +81,16 @@ def fleet_of(rows: Sequence[LoopRow], kinds: Mapping[str, str]) -> dict[str, Any
         "ms_most": MS_MOST,
         "ci_ticks": [(round(float(across(v)), 1), f"{v:g}") for v in CI_TICKS],
         "ms_ticks": [(round(float(down(v)), 1), f"{v:g}") for v in MS_TICKS],
-        "points": points[::-1],
-        "labels": _labels([p for p in points if p["kind"] != "good"]),
-        "missing": missing,
     }
 
 
-def _labels(points: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def place(row: LoopRow) -> tuple[float, float] | None:
+    """Return where a loop stands in the picture; None for one without an index or a model."""
+    found = ci_and_ms(row)
+    return None if found is None else (round(float(across(found[0])), 1), round(float(down(found[1])), 1))
+
+
+def labels_of(points: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Place names beside their points where they hide no other name and leave the picture nowhere; worst first."""
     taken: list[tuple[float, float, float, float]] = [
         (p["x"] - 5, p["y"] - 5, p["x"] + 5, p["y"] + 5) for p in points

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from monitor.assess.disturbance import assess_disturbance
 from monitor.assess.event import assess_event
+from monitor.contract.danger import worst_first
 from monitor.contract.evidence import Answers, Window
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import SETPOINT, Assessment, Event, LoopRow, Plan, Record, Suggestion, event_id
@@ -36,7 +37,7 @@ from monitor.verdict.history import LoopHistory
 from monitor.verdict.in_force import InForce
 from monitor.verdict.moves import is_led, moves_in_words
 from monitor.verdict.parts import Tuning
-from monitor.verdict.row import loop_row, says_new, worst_first
+from monitor.verdict.row import loop_row, says_new
 from monitor.verdict.stale import LastSample, LastSamples
 
 

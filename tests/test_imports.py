@@ -36,18 +36,18 @@ STATIONS: dict[str, tuple[str, ...]] = {
             "contract",
             "engine",
             "verdict.stale",
-            "verdict.row",
             "verdict.together",
             "wire",
             "adapters",
         ),
         "view.process",
     ),
-    "audit": ("compiled", "contract", "engine", "verdict", "adapters", "report"),
+    "compare": ("contract", "adapters", "report"),
+    "audit": ("compiled", "contract", "engine", "verdict", "adapters", "report", "compare"),
     "importing": ("contract", "adapters", "audit"),
     "check": ("contract", "advise", "adapters", "service.config", "check_controller"),
     "check_controller": ("contract", "detect.event", "identify"),
-    "cli": ("tuners", *CORE, "wire", "adapters", "service", "audit", "view", "check", "importing"),
+    "cli": ("tuners", *CORE, "wire", "adapters", "service", "audit", "compare", "view", "check", "importing"),
     "__main__": ("cli",),
     "__init__": (*CORE, "adapters.loop_table", "audit"),
 }
@@ -70,7 +70,9 @@ HOMES: dict[str, set[str]] = {
     "numba": {"monitor/compiled.py", "sim_plants/kernel.py"},
     "zenoh": {"monitor/adapters/zenoh_bus.py"},
     "sqlite3": {"monitor/adapters/store.py"},
-    "rerun": {f"monitor/adapters/rerun_view/{n}.py" for n in ("picture", "layout")},
+    "rerun": {
+        f"monitor/adapters/rerun_view/{n}.py" for n in ("fleet", "layout", "panes", "picture", "series")
+    },
     "socket": {"monitor/adapters/rerun_view/process.py"},
     "pyarrow": {
         *(f"monitor/wire/{n}.py" for n in ("arrow", "decode")),
@@ -88,13 +90,13 @@ HOMES: dict[str, set[str]] = {
     },
     "python_calamine": {"monitor/adapters/historian/excel_files.py"},
     "click": {
-        f"monitor/cli/{n}.py" for n in ("audit", "check", "common", "demo", "importing", "main", "monitor")
+        f"monitor/cli/{n}.py" for n in ("audit", "check", "common", "compare", "demo", "importing", "main")
     }
-    | {f"monitor/cli/{n}.py" for n in ("report", "simulate", "status", "tune", "view")},
-    "rich": {f"monitor/cli/{n}.py" for n in ("audit_show", "demo_show", "tune")},
+    | {f"monitor/cli/{n}.py" for n in ("monitor", "report", "simulate", "status", "tune", "view")},
+    "rich": {f"monitor/cli/{n}.py" for n in ("audit_show", "compare_show", "demo_show", "tune")},
     "distributed": {"monitor/audit/tasks.py"},
     "matplotlib": {"monitor/cli/tune.py"},
-    "jinja2": {"monitor/report/draw.py"},
+    "jinja2": {"monitor/report/page.py"},
     "xlsxwriter": {"monitor/adapters/workbook.py"},
 }
 """Where a library is at home: exactly there."""

@@ -168,6 +168,11 @@ class Store:
         )
         return [(str(i), bytes(j)) for i, j in rows]
 
+    def assessment(self, identity: str) -> tuple[str, bytes] | None:
+        """Return (loop key, json) of an event's assessment."""
+        rows = self._read("SELECT key, json FROM assessment WHERE id = ?", (identity,))
+        return (str(rows[0][0]), bytes(rows[0][1])) if rows else None
+
     def open_events(self) -> list[bytes]:
         """Return the events that were said to have opened, and not to have closed."""
         return [

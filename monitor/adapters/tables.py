@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from monitor.adapters.historian.source import ZONED
 from monitor.contract.evidence import Answers, Window
-from monitor.contract.records import TIMES, Assessment, LoopRow
+from monitor.contract.records import TIMES, Assessment, LoopRow, Spell
 from monitor.contract.times import iso
 
 from .files import replacing, write_text
 from .workbook import Sheet, write_workbook
 
 EVENTS_FILE, LOOPS_FILE, LOOPS_CSV_FILE = "events.parquet", "loops.parquet", "loops.csv"
-EVIDENCE_FILE, ANSWERS_FILE = "evidence.parquet", "answers.parquet"
+EVIDENCE_FILE, ANSWERS_FILE, SPELLS_FILE = "evidence.parquet", "answers.parquet", "spells.parquet"
 WORKBOOK_FILE = "loops.xlsx"
 MOST_SHEET_EVENTS = 20_000
 """Events in the workbook, the newest: a sheet of more opens slowly, and takes longer to write than to find out."""
@@ -87,7 +87,7 @@ def by_eye(table: Mapping[str, tuple[str, list[Any]]]) -> dict[str, tuple[str, l
 
 
 def columns(
-    record: type[Assessment | LoopRow], records: Sequence[Any], *, seconds: bool
+    record: type[Assessment | LoopRow | Spell], records: Sequence[Any], *, seconds: bool
 ) -> dict[str, tuple[str, list[Any]]]:
     """Turn records into columns: heading to (kind, values), in the order of the record's fields."""
     out: dict[str, tuple[str, list[Any]]] = {}
@@ -121,9 +121,13 @@ def loops_csv(loops: Sequence[LoopRow]) -> str:
     A text that a spreadsheet would run as a formula (it begins with = + - @ or a tab) has an apostrophe
     before it; ``loops.parquet`` holds it as it is.
     """
+    return csv_text(by_eye(columns(LoopRow, loops, seconds=True)))
+
+
+def csv_text(table: Mapping[str, tuple[str, Sequence[Any]]]) -> str:
+    """Return columns, heading to (kind, values), as CSV for the eye: cells as `loops_csv` has them."""
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
-    table = by_eye(columns(LoopRow, loops, seconds=True))
     writer.writerow(table)
     for cells in zip(*(values for _, values in table.values()), strict=True):
         writer.writerow([_cell(c) for c in cells])
@@ -173,6 +177,18 @@ def write_parquet(path: Path, columns: Mapping[str, tuple[str, Sequence[Any]]]) 
     arrays = [pa.array(list(values), type=_TYPES[kind]) for kind, values in columns.values()]
     with replacing(path) as file:
         pq.write_table(pa.table(arrays, schema=schema), file, compression="zstd")
+
+
+def write_spells(out: Path, spells: Sequence[Spell], *, seconds: bool) -> Path:
+    """Write ``spells.parquet``: how each loop ran in equal spells of time.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    write_parquet(out / SPELLS_FILE, columns(Spell, spells, seconds=seconds))
+    return out / SPELLS_FILE
 
 
 def write_evidence(
@@ -258,7 +274,7 @@ def _ns(time: float) -> int:
     return round(time * 1e9) if isinstance(time, float) else time
 
 
-Record = TypeVar("Record", Assessment, LoopRow)
+Record = TypeVar("Record", Assessment, LoopRow, Spell)
 
 
 def read_records(path: Path, record: type[Record]) -> list[Record]:
@@ -277,6 +293,18 @@ def read_records(path: Path, record: type[Record]) -> list[Record]:
         return [msgspec.convert(_plain(row), record) for row in _rows(known)]
     except msgspec.ValidationError as error:
         raise ValueError(f"{path}: no table of an audit: {error}") from None
+
+
+def missing_columns(path: Path, record: type[Assessment | LoopRow]) -> list[str]:
+    """Return the columns that a table of such records does not have, since an earlier version wrote it.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    """
+    have = set(pq.read_schema(path).names)
+    return [name for name in record.__struct_fields__ if name not in have]
 
 
 def read_table(path: Path) -> dict[str, list[Any]]:

@@ -22,8 +22,9 @@ from .region import uncertain_models
 
 POINTS = 121
 """Of each curve: what a picture of a few hundred pixels shows."""
-LONGEST_T0, SHORTEST_T0 = 60.0, 6.0
-"""A picture's length in T0: what takes longer is shown as far as it goes, what is faster has room."""
+LONGEST_T0, SHORTEST_T0, LONGEST_TI = 60.0, 6.0, 12.0
+"""A picture's length in T0, and in the longest integral time, which makes a level roll for far more than 60 T0: what
+takes longer is shown as far as it goes, what is faster has room."""
 LEAST_T0_S, LOOKED_AT_POINTS, SETTLED_SHARE = 1e-6, 601, 0.02
 """T0 of a process without any; points on which a response is looked at for its end, and the usual 2 % band about it."""
 SHOWN_SETTLING_TIMES = 1.3
@@ -84,14 +85,15 @@ def _length(models: Model, known: list[tuple[Settings, NDArray[np.bool_]]], kind
     """Return how long a picture has to be for the responses of the first model [s]."""
     nominal = _at(models, [0])
     t0 = max(float(np.ravel(nominal.t0)[0]), LEAST_T0_S)
-    time = np.linspace(0.0, LONGEST_T0 * t0, LOOKED_AT_POINTS)
+    longest = max(LONGEST_T0 * t0, *(LONGEST_TI * float(s.ti) for s, _ in known if math.isfinite(s.ti)), 0.0)
+    time = np.linspace(0.0, longest, LOOKED_AT_POINTS)
     settled = 0.0
     for settings, stable in known:
         if stable[0]:
             pv = step_curves(nominal, settings, kind, time, stable[:1])[0]
             moving = np.flatnonzero(np.abs(pv - pv[-1]) > SETTLED_SHARE * np.abs(pv).max())
             settled = max(settled, float(time[moving[-1]]) if len(moving) else 0.0)
-    return min(max(SHOWN_SETTLING_TIMES * settled, SHORTEST_T0 * t0), LONGEST_T0 * t0)
+    return min(max(SHOWN_SETTLING_TIMES * settled, SHORTEST_T0 * t0), longest)
 
 
 def _ends(models: Model, peaks: list[Array]) -> list[int]:

@@ -1,22 +1,28 @@
-"""An audit's folder to its report: what its tables hold, summed up, drawn, and written beside them."""
+"""An audit's folder to what is shown of it: what its tables hold, summed up; drawn as a report beside them."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
+from monitor.adapters.audit_folder import AuditFolder, read_audit
 from monitor.adapters.files import write_text
-from monitor.adapters.tables import EVENTS_FILE, LOOPS_FILE, read_evidence, read_records
-from monitor.contract.records import Assessment, LoopRow
-from monitor.report.draw import Contents, draw
+from monitor.adapters.tables import read_evidence
+from monitor.compare.between import compare
+from monitor.contract.summary import Contents
+from monitor.report.draw import draw
 
 from .summary import summary_of
 
-REPORT_FILE, ABOUT_FILE = "report.html", "audit.json"
+REPORT_FILE = "report.html"
 
 
-def draw_report(out: Path) -> Path:
+def draw_report(out: Path, last: AuditFolder | None = None) -> Path:
     """Write ``report.html`` from the tables in an audit's folder; the same tables give the same bytes.
+
+    Parameters
+    ----------
+    last
+        The last audit of these loops: page one says what has changed since.
 
     Raises
     ------
@@ -25,16 +31,22 @@ def draw_report(out: Path) -> Path:
     ValueError
         The folder holds no audit: one line that says what is missing.
     """
-    for name in (LOOPS_FILE, EVENTS_FILE, ABOUT_FILE):
-        if not (out / name).is_file():
-            raise ValueError(f"{out}: no {name}, expected the folder of an audit (--out)")
-    try:
-        about = json.loads((out / ABOUT_FILE).read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{out / ABOUT_FILE}: no JSON: {error}") from None
-    rows = read_records(out / LOOPS_FILE, LoopRow)
-    events = read_records(out / EVENTS_FILE, Assessment)
-    windows, answers = read_evidence(out)
-    text = draw(Contents(about, rows, events, windows, answers, summary_of(rows)))
+    text = draw(contents_of(out, last))
     write_text(out / REPORT_FILE, text)
     return out / REPORT_FILE
+
+
+def contents_of(out: Path, last: AuditFolder | None = None) -> Contents:
+    """Return what there is to be shown of the audit in a folder, with what has changed since the ``last`` one.
+
+    Raises
+    ------
+    OSError
+        A file cannot be read.
+    ValueError
+        The folder holds no audit: one line that says what is missing.
+    """
+    audit = read_audit(out)
+    windows, answers = read_evidence(out)
+    since = None if last is None else compare(last, audit)
+    return Contents(audit.about, audit.rows, audit.events, windows, answers, summary_of(audit.rows), since)

@@ -9,10 +9,11 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from monitor.adapters.audit_folder import ABOUT_FILE, read_audit
 from monitor.adapters.files import write_text
 from monitor.adapters.historian.rows import Tally, UnusableError
-from monitor.adapters.tables import write_evidence, write_tables
-from monitor.verdict.row import worst_first
+from monitor.adapters.tables import write_evidence, write_spells, write_tables
+from monitor.contract.danger import worst_first
 from monitor.verdict.together import cycling_together
 
 from .about import (
@@ -25,7 +26,7 @@ from .about import (
     problems,
     why_nothing,
 )
-from .drawing import ABOUT_FILE, draw_report
+from .drawing import draw_report
 from .evidence import answers_of, windows_of
 from .inputs import Inputs, find, identity
 from .result import PARTS_FOLDER, AuditResult
@@ -62,7 +63,7 @@ def run_audit(
     ValueError
         A setting is not acceptable: one line that names it.
     OSError
-        ``out`` cannot be written to.
+        ``out`` cannot be written to, or the last audit not be read.
     """
     audit = Audit(Path(out), settings or AuditSettings())
     audit.find(paths, loops_file)
@@ -76,6 +77,8 @@ class Audit:
     def __init__(self, out: Path, settings: AuditSettings) -> None:
         self.out, self.settings = out, settings
         self.span = settings.span()
+        # before anything is written: it may be the folder that this audit writes to
+        self.last = None if settings.since_audit is None else read_audit(Path(settings.since_audit))
         self.inputs = Inputs()
         self.parts: list[Part] = []
         self._hashing: dict[str, Future[dict[str, Any]]] = {}
@@ -153,6 +156,8 @@ class Audit:
             (a for p in self.parts for a in answers_of(p.answers)), key=lambda a: (a.loop, a.kind)
         )
         files += write_evidence(self.out, windows, answers, seconds=seconds)
+        spells = sorted((s for p in self.parts for s in p.spells), key=lambda s: (s.loop, s.start))
+        files.append(write_spells(self.out, spells, seconds=seconds))
         counts = counted(tally, samples, len(events), rows)
         said_of_it = about(
             inputs,
@@ -165,7 +170,7 @@ class Audit:
         )
         text = json.dumps(said_of_it, indent=1, ensure_ascii=False, allow_nan=False)
         write_text(self.out / ABOUT_FILE, text + "\n")
-        files += [self.out / ABOUT_FILE, draw_report(self.out)]
+        files += [self.out / ABOUT_FILE, draw_report(self.out, self.last)]
         self._tidy()
         return AuditResult(0, wrong, rows, events, files, counts, notes)
 

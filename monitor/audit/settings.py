@@ -35,6 +35,9 @@ class AuditSettings:
     scheduler: str | None = None
     """Address of a Dask scheduler that runs the tasks; its workers see the files under the same paths."""
 
+    since_audit: str | None = None
+    """Folder of the last audit of these loops: page one of the report says what has changed since."""
+
     def given(self) -> ExportMapping:
         """Return what is said of how the exports are to be read.
 

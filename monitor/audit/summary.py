@@ -11,12 +11,11 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+from monitor.contract.danger import danger, kind_of
 from monitor.contract.records import GOOD, RETUNE, LoopRow
 from monitor.contract.summary import KINDS, Job, Remedy, Summary
 from monitor.contract.text import duration
-from monitor.verdict.row import danger
 
-VALVE_FLAGS, MANUAL_FLAGS = {"stiction", "no_response"}, {"manual"}
 TUNER, VALVE_SHOP, OPERATOR, HISTORIAN, INSTRUMENTS = (
     *("tuner", "valve shop", "operator", "historian", "instrument shop"),
 )
@@ -75,16 +74,6 @@ FLAG_TITLES = {
     "offset": "Look for the integral action",
     "no_integral": "Look for the integral action",
 }
-
-
-def kind_of(row: LoopRow) -> str:
-    """Return what is to be done with a loop, one of `KINDS`."""
-    if row.verdict in (RETUNE, GOOD):
-        return row.verdict
-    for kind, flags in (("valve", VALVE_FLAGS), ("oscillating", {"oscillating"}), ("manual", MANUAL_FLAGS)):
-        if flags & set(row.flags):
-            return kind
-    return "unclear"
 
 
 def summary_of(rows: Sequence[LoopRow]) -> Summary:

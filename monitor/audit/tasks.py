@@ -25,7 +25,7 @@ from monitor.adapters.historian.rows import Tally, UnusableError
 from monitor.adapters.historian.source import Source
 from monitor.contract.evidence import Window
 from monitor.contract.loops import Loop, LoopTable
-from monitor.contract.records import Assessment, LoopRow, Record
+from monitor.contract.records import Assessment, LoopRow, Record, Spell
 from monitor.contract.samples import Samples
 from monitor.contract.unit_mismatch import unit_mismatch
 from monitor.engine import Engine
@@ -33,6 +33,7 @@ from monitor.verdict.stale import LastSample
 
 from .evidence import Curves, Keeper, Kept, Trends, curves_of, flagged
 from .first_samples import FirstSamples
+from .spells import Spells
 
 MOST_TASK_ROWS = 50_000_000
 """Rows of a task: what `--resume` loses at most, a second or two of detection."""
@@ -47,6 +48,8 @@ class Part(msgspec.Struct):
     """Some events of the flagged loops, for the eye."""
     answers: list[Curves] = []
     """What the flagged loops make of unit steps, by their models."""
+    spells: list[Spell] = []
+    """How the loops ran, spell by spell of time."""
     last: dict[str, LastSample] = {}
     """How each loop's samples ended."""
     first: int | None = None
@@ -123,7 +126,8 @@ def run_task(task: Task, done: Callable[[int], None] = _count) -> Part:
 
 def _run(task: Task, samples: Iterator[Samples], done: Callable[[int], None]) -> Part:
     engine, keeper = Engine(LoopTable(task.loops)), Keeper()
-    trends = Trends([loop.name for loop in task.loops])
+    names = [loop.name for loop in task.loops]
+    trends, spells = Trends(names), Spells(names)
     events: list[Assessment] = []
     times: list[int] = []
     firsts = FirstSamples(len(task.loops))
@@ -131,6 +135,7 @@ def _run(task: Task, samples: Iterator[Samples], done: Callable[[int], None]) ->
         firsts.watch(batch)
         _keep(engine.step(batch), events, keeper)
         trends.take(batch)
+        spells.take(batch)
         times = [min([*times, int(batch.time.min())]), max([*times, int(batch.time.max())])]
         done(len(batch))
     _keep(engine.flush(), events, keeper)
@@ -145,7 +150,9 @@ def _run(task: Task, samples: Iterator[Samples], done: Callable[[int], None]) ->
     shown = [name for name, row in rows.items() if flagged(row)]
     curves = [c for name in shown for c in curves_of(engine.answers(engine.loops.by_name[name], rows[name]))]
     kept = [*keeper.of(shown), *trends.of(shown)]
-    return Part(events, list(rows.values()), kept, curves, last, first, newest, engine.counts(), units)
+    return Part(
+        events, list(rows.values()), kept, curves, spells.found(), last, first, newest, engine.counts(), units
+    )
 
 
 def _keep(records: Sequence[Record], events: list[Assessment], keeper: Keeper) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import click
 
-from .common import Command, Refused
+from .common import Command, Refused, since_audit_option
 
 _HELP = """Audit a fleet from historian exports.
 
@@ -49,9 +50,11 @@ Example:
 @click.option(
     "--map", metavar="FILE", help="How the exports are to be read, as `loopsight import` writes it."
 )
+@since_audit_option
 @click.option("--resume", is_flag=True, help="Go on with an audit of the same data that was stopped.")
+@click.option("--rrd", is_flag=True, help="Write audit.rrd, too: what `loopsight view DIR` shows.")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, e.g. tcp://10.0.0.5:8786.")
-def audit(paths: tuple[str, ...], loops_file: str | None, out: str, **options: Any) -> None:
+def audit(paths: tuple[str, ...], loops_file: str | None, out: str, rrd: bool, **options: Any) -> None:
     """Audit, show what was found, exit 0 or 2."""
     from monitor.audit.run import run_audit
     from monitor.audit.settings import AuditSettings
@@ -61,7 +64,19 @@ def audit(paths: tuple[str, ...], loops_file: str | None, out: str, **options: A
     try:
         with progress_bar() as progress:
             result = run_audit(paths, loops_file, out, AuditSettings(**options), progress=progress)
+        if rrd and not result.exit_code:
+            result.files.append(_recorded(Path(out)))
     except (ValueError, OSError, ImportError) as error:
         raise Refused(str(error)) from None
     show(result)
     sys.exit(result.exit_code)
+
+
+def _recorded(out: Path) -> Path:
+    """Write the recording of the audit in a folder."""
+    from monitor.audit.drawing import contents_of
+    from monitor.view.recorded import record_audit
+
+    file = out / "audit.rrd"
+    record_audit(contents_of(out), file)
+    return file

@@ -68,6 +68,15 @@ def parent_option(command: Callable[..., None]) -> Callable[..., None]:
     )(command)
 
 
+def since_audit_option(command: Callable[..., None]) -> Callable[..., None]:
+    """Add ``--since-audit``, by which page one of a report says what has changed since an earlier audit."""
+    return click.option(
+        "--since-audit",
+        metavar="DIR",
+        help="Folder of the last audit of these loops: page one of the report says what has changed since.",
+    )(command)
+
+
 def _in_one_line(function: Callable[..., T], *arguments: Any) -> T:
     try:
         return function(*arguments)

@@ -22,6 +22,7 @@ COMMANDS = {
         "Read any export: how it is understood, and a loop table.",
     ),
     "audit": ("monitor.cli.audit:audit", "Fleet audit of historian exports."),
+    "compare": ("monitor.cli.compare:compare", "Two audits of the same loops, before and after."),
     "report": ("monitor.cli.report:report", "An audit's report.html, drawn again."),
     "tune": ("monitor.cli.tune:tune", "Settings by any tuning rule, with their robustness."),
     "view": ("monitor.cli.view:view", "Live or recorded visual inspection in Rerun."),

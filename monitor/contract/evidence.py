@@ -63,6 +63,40 @@ class Trend(NamedTuple):
     """[OP]."""
 
 
+class Scale(NamedTuple):
+    """What a loop's charts are labelled and measured by."""
+
+    unit: str = ""
+    """Of PV; empty where it is not known."""
+    op_unit: str = ""
+    """Of OP."""
+    noise: float | None = None
+    """Standard deviation of PV's noise [PV]."""
+
+
+class Step(NamedTuple):
+    """The step of which predicted responses are drawn: an event's own, or one that might come."""
+
+    at: int
+    """[ns since 1970]."""
+    size: float
+    """[PV] of a set-point step, [OP] of a load step."""
+    level: float
+    """PV before it [PV]."""
+
+
+class Response(NamedTuple):
+    """A chart of predicted responses."""
+
+    kind: str
+    """``setpoint`` or ``load``."""
+    start: int
+    """[ns since 1970]."""
+    end: int
+    name: str
+    """What is predicted, in words."""
+
+
 class Pane(NamedTuple):
     """One loop of the layout and the event that its charts are fitted to."""
 
@@ -71,6 +105,21 @@ class Pane(NamedTuple):
     """First time of the event's window [ns]; equal to ``end`` where there is no window."""
     end: int
     """Last time of the event's window [ns]."""
+    name: str = ""
+    """Of the event, in words."""
+    responses: tuple[Response, ...] = ()
+    recent: tuple[int, int] | None = None
+    """First and last time of the newest samples [ns]; None: they go on, and the chart with them."""
+
+
+class Fleet(NamedTuple):
+    """All loops that have an index and a peak sensitivity: columns of equal length, the worst first."""
+
+    names: Sequence[str]
+    kinds: Sequence[str]
+    """What is to be done with each: `monitor.contract.summary.KINDS`."""
+    ci: Floats
+    ms: Floats
 
 
 def merge(trends: Sequence[Trend]) -> Trend:

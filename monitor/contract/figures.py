@@ -2,12 +2,37 @@
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 from tuners.models import INTEGRATING, SELF_REGULATING
 
 GAIN_UNITS = {INTEGRATING: "PV/(OP s)", SELF_REGULATING: "PV/OP"}
 """By kind of process."""
+
+
+def in_units(unit: str, pv: str, op: str) -> str:
+    """Return a figure's unit with a loop's own in place of PV and OP, as far as these are known.
+
+    Parameters
+    ----------
+    pv, op
+        Units of the loop; empty where they are not known.
+
+    Examples
+    --------
+    >>> in_units("OP/PV", "m3/h", "%"), in_units("PV", "m3/h", "%"), in_units("PV s", "", "%")
+    ('%/(m3/h)', 'm3/h', 'PV s')
+    """
+    own = {"PV": pv, "OP": op}
+
+    def put(match: re.Match[str]) -> str:
+        known = own[match.group()] or match.group()
+        return (
+            f"({known})" if known != unit and re.search(r"[/ ]", known) and unit != match.group() else known
+        )
+
+    return re.sub(r"\b(?:PV|OP)\b(?!')", put, unit)
 
 
 class Meaning(NamedTuple):

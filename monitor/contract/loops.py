@@ -61,6 +61,10 @@ class Loop(msgspec.Struct, frozen=True, kw_only=True):
     max_deviation: float | None = None
     master: str = ""
     period: float | None = None
+    unit: str = ""
+    """Of PV; empty where it is not known."""
+    op_unit: str = ""
+    """Of OP."""
     ci_min: float = 0.6
     ms_max: float = 2.2
     rule: str = ""

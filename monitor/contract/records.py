@@ -198,6 +198,25 @@ class LoopRow(msgspec.Struct, frozen=True, kw_only=True):
     new_overshoot: float | None = None
     new_iae_setpoint: float | None = None
     new_iae_load: float | None = None
+    unit: str = ""
+    """Of PV, by the loop table; empty where it names none."""
+    op_unit: str = ""
+    """Of OP."""
+
+
+class Spell(msgspec.Struct, frozen=True, kw_only=True):
+    """How a loop ran in one of equal spells of time, in automatic: a row of ``spells.parquet``."""
+
+    loop: str
+    start: int
+    seconds: float
+    """That were watched in automatic [s]."""
+    error: float
+    """Mean size of the error [PV]."""
+    error_rms: float
+    """Root of its mean square [PV]."""
+    op_path: float
+    """Way of OP, every move counted [OP/h]."""
 
 
 class Suggestion(msgspec.Struct, frozen=True, kw_only=True):

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
+
+from .changes import Comparison
+from .evidence import Answers, Window
+from .records import Assessment, LoopRow
 
 KINDS = ("good", "retune", "valve", "oscillating", "manual", "unclear")
 """What is to be done with a loop; each loop is of one kind."""
@@ -50,3 +56,19 @@ class Summary:
     """Mean of the loops' share of time with good samples."""
     near_instability: int
     """Loops."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """What there is to be shown of an audit."""
+
+    about: Mapping[str, Any]
+    """`audit.json`."""
+    rows: Sequence[LoopRow]
+    """Worst first."""
+    events: Sequence[Assessment]
+    windows: Sequence[Window]
+    answers: Sequence[Answers]
+    summary: Summary
+    since: Comparison | None = None
+    """What has changed since the last audit, where one is given."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-_PUNCTUATION = re.compile(r"([!-/:-@\[-`{-~])")
+_PUNCTUATION = re.compile(r"([!#$&*+.:<>@\[-`{-~-])")
 
 
 def visible(text: object, most: int | None = None) -> str:
@@ -49,7 +49,7 @@ def plain(text: object, most: int = 200) -> str:
 
 
 def escape(text: object, most: int = 200) -> str:
-    r"""Return text as markdown that shows it as it is, in one line: every ASCII punctuation mark is escaped.
+    r"""Return text as markdown that shows it as it is, in one line: every mark with a meaning is escaped.
 
     Examples
     --------

@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any, TypeVar
-
-import jinja2
-from markupsafe import Markup
 
 from monitor.contract.evidence import Answers, Window
 from monitor.contract.figures import MEANINGS
+from monitor.contract.looks import LOOKS
 from monitor.contract.records import Assessment, LoopRow
-from monitor.contract.summary import KINDS, Summary
+from monitor.contract.summary import KINDS, Contents
 from monitor.contract.text import visible
 
+from .changes import since_of
 from .charts import charts_of
 from .fleet import fleet_of
-from .looks import LOOKS
+from .page import as_json, asset, environment, sha256
 from .section import health_of, section_of
-from .words import clock, facts_of, first_clauses, number, percent
+from .words import facts_of, number
 
 Shown = TypeVar("Shown", Assessment, Window, Answers)
-HERE = Path(__file__).parent
 SHOWN_JOBS, LISTED_JOBS, SHOWN_REMEDIES, SHOWN_NAMES = 10, 100, 8, 6
 """On page one; jobs that are listed a click away, of which all others follow in the table of loops; and so on."""
 MOST_WITH_CHARTS = 800
@@ -40,74 +33,45 @@ SHOWN_EVENTS = 8
 """Newest events in a section's table; `events.parquet` has all."""
 
 
-@dataclass(frozen=True, slots=True)
-class Contents:
-    """What a report shows."""
-
-    about: Mapping[str, Any]
-    """`audit.json`."""
-    rows: Sequence[LoopRow]
-    """Worst first."""
-    events: Sequence[Assessment]
-    windows: Sequence[Window]
-    answers: Sequence[Answers]
-    summary: Summary
-
-
 def draw(contents: Contents) -> str:
     """Return the page; the same contents give the same text."""
-    environment = _environment()
     summary, rows = contents.summary, contents.rows
-    sections = _sections(environment, contents)
+    sections = _sections(contents)
     index = [_index_row(row, summary.kinds[row.loop], row.loop in sections) for row in rows]
-    script, plot = (_asset(name) for name in ("report.js", "uPlot.iife.min.js"))
-    page = environment.get_template("page.html.j2").render(
-        facts=facts_of(contents.about),
-        summary=summary,
-        kinds=[(kind, LOOKS[kind]) for kind in KINDS],
-        looks=LOOKS,
-        jobs=summary.jobs[:SHOWN_JOBS],
-        more_jobs=summary.jobs[SHOWN_JOBS:LISTED_JOBS],
-        unlisted_jobs=max(len(summary.jobs) - LISTED_JOBS, 0),
-        remedies=summary.remedies[:SHOWN_REMEDIES],
-        more_remedies=summary.remedies[SHOWN_REMEDIES:],
-        shown_names=SHOWN_NAMES,
-        fleet=fleet_of(rows, summary.kinds),
-        n_loops=len(rows),
-        n_sections=len(sections),
-        n_charts=min(len(sections), MOST_WITH_CHARTS),
-        index=_json(index),
-        meanings=_json(MEANINGS),
-        sections=[_json(section) for section in sections.values()],
-        styles=[Markup(_asset(name)) for name in ("uPlot.min.css", "report.css")],  # noqa: S704 (our own files)
-        scripts=[Markup(text) for text in (plot, script)],  # noqa: S704
-        policy=" ".join(f"'sha256-{_sha256(text)}'" for text in (plot, script)),
+    script, plot = (asset(name) for name in ("report.js", "uPlot.iife.min.js"))
+    page = (
+        environment()
+        .get_template("page.html.j2")
+        .render(
+            facts=facts_of(contents.about),
+            since=None if contents.since is None else since_of(contents.since),
+            summary=summary,
+            kinds=[(kind, LOOKS[kind]) for kind in KINDS],
+            looks=LOOKS,
+            jobs=summary.jobs[:SHOWN_JOBS],
+            more_jobs=summary.jobs[SHOWN_JOBS:LISTED_JOBS],
+            unlisted_jobs=max(len(summary.jobs) - LISTED_JOBS, 0),
+            remedies=summary.remedies[:SHOWN_REMEDIES],
+            more_remedies=summary.remedies[SHOWN_REMEDIES:],
+            shown_names=SHOWN_NAMES,
+            fleet=fleet_of(rows, summary.kinds),
+            n_loops=len(rows),
+            n_sections=len(sections),
+            n_charts=min(len(sections), MOST_WITH_CHARTS),
+            index=as_json(index),
+            meanings=as_json(MEANINGS),
+            sections=[as_json(section) for section in sections.values()],
+            styles=[asset(name) for name in ("uPlot.min.css", "report.css")],
+            scripts=[plot, script],
+            policy=" ".join(f"'sha256-{sha256(text)}'" for text in (plot, script)),
+        )
     )
     return page + "\n"
 
 
-def _environment() -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(HERE / "templates"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=lambda value: value if isinstance(value, Markup) else visible(value),
-    )
-    environment.filters |= {
-        "num": number,
-        "percent": percent,
-        "clock": clock,
-        "clauses": first_clauses,
-        "shown": visible,
-    }
-    return environment
-
-
-def _sections(environment: jinja2.Environment, contents: Contents) -> dict[str, dict[str, Any]]:
+def _sections(contents: Contents) -> dict[str, dict[str, Any]]:
     """Return the sections of the loops that have something to be looked at: markup and charts, by loop."""
-    template = environment.get_template("loop.html.j2")
+    template = environment().get_template("loop.html.j2")
     events, windows, answers = (
         _by_loop(contents.events),
         _by_loop(contents.windows),
@@ -159,19 +123,3 @@ def _index_row(row: LoopRow, kind: str, has_section: bool) -> list[Any]:
         visible(row.action),
         int(has_section),
     ]
-
-
-def _json(value: object) -> Markup:
-    """Return JSON for a script element: no character of it can end the element, or begin markup."""
-    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    for character in "<>&\u2028\u2029":
-        text = text.replace(character, f"\\u{ord(character):04x}")
-    return Markup(text)  # noqa: S704 (escaped above)
-
-
-def _asset(name: str) -> str:
-    return (HERE / "assets" / name).read_text(encoding="utf-8")
-
-
-def _sha256(text: str) -> str:
-    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

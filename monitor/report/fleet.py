@@ -6,43 +6,49 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from monitor.contract.loops import Loop
+from monitor.contract.fleet import (
+    BOTTOM,
+    CI_LEAST,
+    CI_TICKS,
+    HEIGHT,
+    LEFT,
+    MS_MOST,
+    MS_TICKS,
+    RIGHT,
+    TOP,
+    WIDTH,
+    across,
+    ci_and_ms,
+    down,
+)
 from monitor.contract.records import LoopRow
 
-WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 940, 430, 52, 14, 14, 42
-"""Of the picture and its margins [px]."""
-CI_LOW, CI_HIGH, MS_LOW, MS_HIGH = 0.02, 2.0, 1.0, 10.0
-"""Ends of the axes; what lies beyond is drawn at the edge."""
-CI_TICKS = (0.02, 0.05, 0.1, 0.2, 0.3, 0.6, 1.0, 2.0)
-MS_TICKS = (1.0, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0)
-MS_MARGIN_RATIO = 1.25
-"""Over `ms_max`, from which a loop is flagged."""
 LETTER_PX, LINE_PX = 6.6, 12.0
 """Width of a letter of a label, and its height [px]."""
 MOST_LABELS = 60
 """Names in the picture; as far as they find room, the worst first. Of all others the pointer shows them."""
 MOST_SINGLE_POINTS = 1500
 """Points from which the good loops are one path without names, so that the picture of any fleet is there at once."""
-_USUAL = Loop(name="usual")
 
 
 def fleet_of(rows: Sequence[LoopRow], kinds: Mapping[str, str]) -> dict[str, Any]:
     """Return the picture's frame, its points (the worst drawn last, on top), its labels, and who is not in it."""
     points, missing = [], 0
     for row in rows:
-        indices = [ci for ci in (row.ci_setpoint, row.ci_load) if ci is not None]
-        if not indices or row.ms is None:
+        found, at = ci_and_ms(row), place(row)
+        if found is None or at is None:
             missing += 1
             continue
+        ci, ms = found
         points.append(
             {
                 "loop": row.loop,
                 "kind": kinds[row.loop],
-                "x": round(_x(min(indices)), 1),
-                "y": round(_y(row.ms), 1),
+                "x": at[0],
+                "y": at[1],
                 "scale": round(min(0.8 + 0.15 * math.log10(1 + row.events), 1.4), 2),
-                "ci": min(indices),
-                "ms": row.ms,
+                "ci": ci,
+                "ms": ms,
                 "events": row.events,
             }
         )
@@ -52,36 +58,39 @@ def fleet_of(rows: Sequence[LoopRow], kinds: Mapping[str, str]) -> dict[str, Any
         crowd = "".join(f"M{p['x']} {p['y']}h0" for p in good)
         points = [p for p in points if p["kind"] != "good"]
     return {
+        **frame(),
         "crowd": crowd,
+        "points": points[::-1],
+        "labels": labels_of([p for p in points if p["kind"] != "good"]),
+        "missing": missing,
+    }
+
+
+def frame() -> dict[str, Any]:
+    """Return the picture's frame: its edges, limits and ticks."""
+    return {
         "width": WIDTH,
         "height": HEIGHT,
         "left": LEFT,
         "right": WIDTH - RIGHT,
         "top": TOP,
         "bottom": HEIGHT - BOTTOM,
-        "ci_limit": round(_x(_USUAL.ci_min), 1),
-        "ms_limit": round(_y(MS_MARGIN_RATIO * _USUAL.ms_max), 1),
-        "ci_min": _USUAL.ci_min,
-        "ms_most": MS_MARGIN_RATIO * _USUAL.ms_max,
-        "ci_ticks": [(round(_x(v), 1), f"{v:g}") for v in CI_TICKS],
-        "ms_ticks": [(round(_y(v), 1), f"{v:g}") for v in MS_TICKS],
-        "points": points[::-1],
-        "labels": _labels([p for p in points if p["kind"] != "good"]),
-        "missing": missing,
+        "ci_limit": round(float(across(CI_LEAST)), 1),
+        "ms_limit": round(float(down(MS_MOST)), 1),
+        "ci_min": CI_LEAST,
+        "ms_most": MS_MOST,
+        "ci_ticks": [(round(float(across(v)), 1), f"{v:g}") for v in CI_TICKS],
+        "ms_ticks": [(round(float(down(v)), 1), f"{v:g}") for v in MS_TICKS],
     }
 
 
-def _x(ci: float) -> float:
-    share = math.log(min(max(ci, CI_LOW), CI_HIGH) / CI_LOW) / math.log(CI_HIGH / CI_LOW)
-    return LEFT + share * (WIDTH - LEFT - RIGHT)
+def place(row: LoopRow) -> tuple[float, float] | None:
+    """Return where a loop stands in the picture; None for one without an index or a model."""
+    found = ci_and_ms(row)
+    return None if found is None else (round(float(across(found[0])), 1), round(float(down(found[1])), 1))
 
 
-def _y(ms: float) -> float:
-    share = math.log(min(max(ms, MS_LOW), MS_HIGH) / MS_LOW) / math.log(MS_HIGH / MS_LOW)
-    return HEIGHT - BOTTOM - share * (HEIGHT - TOP - BOTTOM)
-
-
-def _labels(points: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def labels_of(points: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Place names beside their points where they hide no other name and leave the picture nowhere; worst first."""
     taken: list[tuple[float, float, float, float]] = [
         (p["x"] - 5, p["y"] - 5, p["x"] + 5, p["y"] + 5) for p in points

@@ -97,6 +97,12 @@ class Queries:
         since, until = (_instant(name, asked.get(name)) for name in ("since", "until"))
         limit = _limit(asked.get("limit"))
         last = question.key.rpartition("/")[2]
+        if (
+            "*" not in last and not asked
+        ):  # one event: however many its loop has had since, and whether it is watched still
+            found = self._store.assessment(last)
+            key = "" if found is None else keys.history(found[0], last)
+            return [] if found is None or not question.matches(key) else [(key, found[1], JSON_MIME)]
         out: list[Reply] = []
         for loop_key in self._loops.by_key:
             if not question.matches(keys.history(loop_key, last)):

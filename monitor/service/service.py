@@ -17,14 +17,14 @@ import numpy as np
 
 from monitor.adapters.store import Store
 from monitor.contract import keys
+from monitor.contract.danger import TO_RETUNE, danger, worst_first
 from monitor.contract.entries import Message
 from monitor.contract.loops import MOST_NAME_BYTES, Loop, LoopTable
-from monitor.contract.records import RETUNE, LoopRow, Record
+from monitor.contract.records import LoopRow, Record
 from monitor.contract.samples import Samples
 from monitor.contract.text import visible
 from monitor.contract.times import iso
 from monitor.engine import Engine
-from monitor.verdict.row import worst_first
 from monitor.verdict.stale import mark_stale
 from monitor.verdict.together import cycling_together
 from monitor.wire.decode import Decoder
@@ -171,9 +171,9 @@ class Service:
         return records
 
     def _publish(self, records: list[Record], at_once: bool = False) -> None:
-        """Keep and publish records, and tell who listens; what is to be re-tuned is flagged."""
+        """Keep and publish records, and tell who listens; what somebody has to see to is flagged."""
         for number, row in self.outbox.add(records):
-            self.trends.flag(number, row.verdict == RETUNE)
+            self.trends.flag(number, danger(row) <= TO_RETUNE)
         self.outbox.send(self._monotonic(), at_once)
         if self._heard is not None:
             for record in records:

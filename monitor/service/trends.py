@@ -34,7 +34,7 @@ class Trends:
 
     def __init__(self, engine: Engine, bus: Bus) -> None:
         self.flagged: set[int] = set()
-        """Loops that are to be re-tuned."""
+        """Loops that somebody has to see to: near instability, with a fault, to be re-tuned."""
         self._engine, self._loops, self._bus = engine, engine.loops, bus
         self._held: list[Samples] = []
         self._watched = np.zeros(0, np.bool_)

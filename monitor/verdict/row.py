@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from monitor.contract.loops import Loop
-from monitor.contract.records import INCONCLUSIVE, RETUNE, WORST_FIRST, LoopRow
+from monitor.contract.records import LoopRow
 from monitor.health.loop_health import Health
 from monitor.identify.controller_seen import Controller
 
@@ -50,6 +50,8 @@ def loop_row(in_force: InForce, tuning: Tuning, health: Health) -> LoopRow:
         stage_fields=None if shown is None else shown.stage_fields,
         fields=faceplate_of(loop, loop.settings),
         settings_source=in_force.source,
+        unit=loop.unit,
+        op_unit=loop.op_unit,
         **tuning.model,
         **({} if shown is None else shown.figures),
         **({} if suggested is None else suggested.today),
@@ -129,40 +131,6 @@ def _seen(controller: Controller | None, form: str) -> Figures:
         figures |= {f"{name}_seen{end}": ratio * value for end, value in ends.items()}
     figures |= {f"{name}_seen": getattr(controller, name) for name in ("pv_filter", "op_delay")}
     return figures | {"scan_seen": controller.scan or None}
-
-
-FAULTS = {
-    *(
-        "stiction",
-        "no_response",
-        "stuck_pv",
-        "mapping_suspect",
-        "oscillating",
-        "saturated",
-        "settings_mismatch",
-    ),
-    *("offset", "no_integral"),
-}
-"""Flags that say what is wrong in the plant beside the tuning: a valve, a transmitter, a cycle from outside."""
-
-
-def danger(row: LoopRow) -> int:
-    """Return what a loop's place rests on: 0 near instability, 1 valve and other faults, 2 to retune, and the rest."""
-    if "near_instability" in row.flags and row.verdict in (RETUNE, INCONCLUSIVE):
-        return 0
-    if row.verdict == INCONCLUSIVE and FAULTS & set(row.flags):
-        return 1
-    return 2 + WORST_FIRST.index(row.verdict)
-
-
-def worst_first(row: LoopRow) -> tuple[int, float, str]:
-    """Sort key of loop rows: danger, then the less of CI and what is left to the Ms limit, then the name."""
-    worth = [
-        1.0 if row.ci_setpoint is None else row.ci_setpoint,
-        1.0 if row.ci_load is None else row.ci_load,
-        1.0 if row.ms is None else 2.0 / max(row.ms, 1.0),
-    ]
-    return danger(row), min(worth), row.loop
 
 
 def says_new(old: LoopRow, new: LoopRow) -> bool:

@@ -16,7 +16,7 @@ import msgspec
 from monitor.adapters.inbox import Inbox
 from monitor.contract import keys
 from monitor.contract.entries import Message
-from monitor.contract.evidence import Trend, merge
+from monitor.contract.evidence import Scale, Trend, merge
 from monitor.contract.text import plain
 from monitor.contract.times import nanoseconds
 from monitor.wire.arrow import decode_trend, decode_window
@@ -48,6 +48,9 @@ SILENT_TICKS = 100
 """Ticks without a health record (due every 40) after which the next one is of a monitor that came back."""
 REMEMBERED_EVENTS = 10
 """Events of the past that are asked for when a loop is shown."""
+FLEET_TICKS, FLEET_LOOPS = 8, 2500
+"""Ticks between two pictures of the fleet, and loops for which one more passes: what the viewer keeps of old ones is
+bounded, and 100,000 loops are a megabyte."""
 PAYLOAD_BYTES = 4 << 20
 """A larger payload is none of the monitor's."""
 
@@ -98,6 +101,7 @@ class Feed:
         self._silent = SILENT_TICKS
         self._layout = Layout(picture)
         self._pages: dict[str | None, str] = {}
+        self._fleet_ticks = FLEET_TICKS
 
     def listen(self) -> None:
         """Hear the monitor's records from now on, and ask for all loops' state, for a late view."""
@@ -124,7 +128,7 @@ class Feed:
             self._follow()
         self._write(lines)
         for parts in trends.values():
-            self._picture.trend(merge(parts))
+            self._picture.trend(merge(parts), self._scale(parts[0].loop))
         for _ in range(min(QUESTIONS, len(self._questions))):
             question = next(iter(self._questions))
             del self._questions[question]
@@ -237,16 +241,28 @@ class Feed:
     def _draw(self) -> None:
         shown = self.selection.shown
         for window in self._evidence.undrawn(shown):
-            self._picture.window(window)
+            self._picture.window(window, self._scale(window.loop))
         self._layout.update(shown, self._evidence.windows(shown), self._evidence.stands)
         for name in shown:
             event = self._evidence.assessment(self._layout.fitted(name))
             self._page(pages.loop_page(self.selection.rows[name], event), name)
+        self._draw_fleet()
         notes = [f"view: {n:,} messages dropped" for n in [self.inbox.dropped + self.replies.dropped] if n]
         notes += [f"view: {n:,} payloads not readable" for n in [self.refused.total()] if n]
         health = self._health if self._picture.now else None
         flagged = self.selection.flagged()
-        self._page(pages.overview(flagged, self.selection.counts(), health, notes), None)
+        closing = [pages.health_line(health), *notes]
+        self._page(pages.overview(flagged, self.selection.counts(), closing), None)
+
+    def _draw_fleet(self) -> None:
+        """Draw the fleet anew where a loop has moved in it, and it is time."""
+        self._fleet_ticks += 1
+        if self.selection.moved and self._fleet_ticks >= FLEET_TICKS + self.selection.placed // FLEET_LOOPS:
+            self._picture.fleet(self.selection.fleet())
+            self._fleet_ticks, self.selection.moved = 0, False
+
+    def _scale(self, loop: str) -> Scale:
+        return pages.scale_of(self.selection.rows.get(loop, {}))
 
     def _page(self, text: str, loop: str | None) -> None:
         if self._pages.get(loop) != text:

@@ -60,7 +60,7 @@ class Layout:
         self._panes = {name: _pane(name, self._wanted.get(name)) for name in names}
         self._ids, self._started, self._ticks = ids, self._picture.now > 0, 0
         self._count += 1
-        self._picture.layout(list(self._panes.values()), fresh)
+        self._picture.layout(list(self._panes.values()), fresh or next(iter(names), None))
 
 
 def _pane(name: str, window: Window | None) -> Pane:

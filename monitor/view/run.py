@@ -6,6 +6,7 @@ import logging
 import os
 import sys
 import webbrowser
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from monitor.adapters.process import Stop
 from monitor.adapters.rerun_view import process
 from monitor.adapters.rerun_view.process import RerunError, RerunProcess
 
-from .drawing import ViewError
+from .drawing import Draw, ViewError
 
 logger = logging.getLogger("loopsight.view")
 
@@ -72,6 +73,25 @@ def watch(endpoint: str, wanted: Wanted, stop: Stop) -> None:
         )
     finally:
         stop.set()
+
+
+def look_back(read: Callable[[], Draw], wanted: Wanted, stop: Stop) -> None:
+    """Show what is over, until told to stop or the viewer has been closed.
+
+    Parameters
+    ----------
+    read
+        Returns what draws it; called when the viewer has been started.
+
+    Raises
+    ------
+    ViewError
+        The viewer is missing or does not start.
+    """
+    viewer = _viewer(wanted.how)
+    from . import recorded  # noqa: PLC0415 (what it imports starts threads, and the viewer is forked)
+
+    recorded.show_drawn(read, wanted.save, viewer, stop, lambda: _announce(viewer, wanted.browser))
 
 
 def _viewer(how: str, file: Path | None = None) -> RerunProcess | None:

@@ -8,19 +8,20 @@ import numpy as np
 import pyarrow as pa
 import rerun.chunk as rc
 
-from monitor.adapters.rerun_view import picture
+from monitor.adapters.rerun_view import series
 
 
 def read(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Times [ns] and values of every series in a recording, in time order."""
+    """Times [ns] and values (n,) or (n, m) of every series in a recording, in time order."""
     found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     for chunk in rc.RrdReader(str(path)).stream():
-        if chunk.is_static or picture.TIMELINE not in chunk.timeline_names:
+        if chunk.is_static or series.TIMELINE not in chunk.timeline_names:
             continue
         batch = chunk.to_record_batch()
         if "Scalars:scalars" in batch.schema.names:
-            times = batch[picture.TIMELINE].cast(pa.int64()).to_numpy()
+            times = batch[series.TIMELINE].cast(pa.int64()).to_numpy()
             values = batch["Scalars:scalars"].flatten().to_numpy(zero_copy_only=False)
+            values = values if len(values) == len(times) else values.reshape(len(times), -1)
             found.setdefault(chunk.entity_path, []).append((times, values))
     joined = {k: tuple(np.concatenate(c) for c in zip(*v, strict=True)) for k, v in found.items()}
     orders = {k: np.argsort(t, kind="stable") for k, (t, _) in joined.items()}

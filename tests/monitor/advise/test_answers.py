@@ -67,3 +67,15 @@ def test_a_self_regulating_process_is_shown_as_well() -> None:
     )[0]
     assert np.isfinite(found.today).all()
     assert found.new[0, -1] == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_level_that_rolls_is_seen_to_its_end() -> None:
+    """Its period goes with the integral time, not with a T0 of seconds."""
+    quick = Fit(
+        process="integrating", gain=0.0004, lag=2.0, dead_time=2.0, lag2=0.0, scatter=np.diag([0.01**2, 1.0, 1.0]),
+        floor=np.zeros(3), quality=0.99, log_likelihood=0.0, sigma=0.01,
+    )  # fmt: skip
+    found = answers(Loop(name="LIC-305", kp=6.7, ti=290.0), quick, 10.0, None)[0]
+    assert found.time[-1] > 5 * 290.0
+    assert found.today[0, -1] == pytest.approx(1.0, abs=0.05)
+    assert found.today[0].max() > 1.2

@@ -4,23 +4,14 @@ from __future__ import annotations
 
 import math
 
-from monitor.audit.summary import benefit_of, kind_of, risk_of, summary_of
+from monitor.audit.summary import benefit_of, risk_of, summary_of
 from monitor.contract.records import LoopRow
 from monitor.contract.summary import KINDS
 from tests.monitor.report.tools import fleet, retune
 
 
-def test_each_loop_is_of_one_kind() -> None:
+def test_each_loop_is_counted_once() -> None:
     rows = fleet()
-    assert [kind_of(r) for r in rows] == [
-        "retune",
-        "valve",
-        "oscillating",
-        "retune",
-        "unclear",
-        "good",
-        "manual",
-    ]
     summary = summary_of(rows)
     assert sum(summary.counts.values()) == len(rows)
     assert tuple(summary.counts) == KINDS

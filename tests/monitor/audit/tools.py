@@ -15,7 +15,7 @@ from tests.support.plants import pi_loop
 
 FILES = (
     *("events.parquet", "loops.parquet", "loops.csv", "loops.xlsx", "audit.json"),
-    *("evidence.parquet", "answers.parquet", "report.html"),
+    *("evidence.parquet", "answers.parquet", "spells.parquet", "report.html"),
 )
 START = np.datetime64("2026-03-01T00:00:00", "ns").astype(np.int64)
 

@@ -7,9 +7,13 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from monitor.adapters.rerun_view import series
 from tests.monitor.audit.tools import command, step_test
+from tests.monitor.cli.tools import run
+from tests.support.recordings import read, texts
 
 
 @pytest.mark.parametrize(
@@ -69,3 +73,21 @@ def test_help_and_import_are_light() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "0"
     assert "Example:\n    loopsight audit " in command("--help").stdout
+
+
+def test_the_recording_is_written_where_it_is_asked_for(tmp_path: Path) -> None:
+    """Beside the tables; it is what `loopsight view` shows of them."""
+    step_test("LIC-1").to_parquet(tmp_path / "d.parquet")
+    (tmp_path / "t.csv").write_text("name,process,kp,ti,unit,op_unit\nLIC-1,integrating,8,40,bar,%\n")
+    done = command(tmp_path / "d.parquet", "--loops", tmp_path / "t.csv", "--out", tmp_path / "out", "--rrd")
+    assert done.exit_code == 0, done.output
+    assert "audit.rrd" in done.stdout
+    (page,) = texts(tmp_path / "out" / "audit.rrd", f"/{series.entity('LIC-1')}/page")
+    assert "Kp [%/bar]" in page.replace("\\", "")
+    seen = run("view", str(tmp_path / "out"), "--view", "none", "--save", str(tmp_path / "seen.rrd"))
+    assert (seen.returncode, seen.stdout) == (0, "view none\n"), seen.stderr
+    recorded, shown = (read(path) for path in (tmp_path / "out" / "audit.rrd", tmp_path / "seen.rrd"))
+    assert recorded.keys() == shown.keys()
+    for path, (times, values) in recorded.items():
+        np.testing.assert_array_equal(times, shown[path][0])
+        np.testing.assert_array_equal(values, shown[path][1])

@@ -19,5 +19,5 @@ def test_command_shows_the_worst_first_and_where_the_files_are(
     lines = result.stdout.splitlines()
     assert lines[0].split() == ["verdict", "loop", "CI", "Ms", "why", "new", "settings"]
     assert "5 loops, 10 events, 4500 of 4500 samples used" in lines[-2]
-    assert lines[-1].endswith("out/: report.html, loops.csv, loops.xlsx, audit.json, 4 .parquet")
+    assert lines[-1].endswith("out/: report.html, loops.csv, loops.xlsx, audit.json, 5 .parquet")
     assert max(map(len, lines)) <= 140

@@ -13,6 +13,7 @@ import pytest
 from monitor.adapters.rerun_view import picture as rerun_picture
 from monitor.adapters.rerun_view import process as rerun_process
 from monitor.cli.main import run
+from monitor.contract.evidence import Scale
 from monitor.view.process import ViewProcess
 from monitor.wire.arrow import decode_window
 from tests.monitor.view.tools import command, needs_rerun
@@ -28,6 +29,11 @@ from tests.support.waiting import PATIENCE
         "missing.rrd",
         "pyproject.toml",
         "pyproject.toml --event x",
+        "docs",
+        "docs --view none",
+        "--event 0123 --state nowhere",
+        "--event 0123 --state docs --view none --save x.rrd",
+        "--state docs",
         "--event a/**",
         "--connect nonsense",
         "--connect tcp/127.0.0.1:1 --view none",
@@ -68,7 +74,7 @@ def test_help_is_light() -> None:
 def test_recording_is_served(tmp_path: Path, loop: Loop) -> None:
     """``loopsight view FILE.rrd`` opens on loopback and ends on SIGINT with exit 0."""
     recording = rerun_picture.open_recording(None, tmp_path / "a.rrd")
-    rerun_picture.Picture(recording).window(decode_window(window_payload(loop)))
+    rerun_picture.Picture(recording).window(decode_window(window_payload(loop)), Scale())
     rerun_picture.close_recording(recording)
     line = [sys.executable, "-m", "monitor", "view", str(tmp_path / "a.rrd")]
     process = subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, text=True)

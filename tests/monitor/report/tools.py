@@ -10,7 +10,7 @@ import numpy as np
 from monitor.audit.summary import summary_of
 from monitor.contract.evidence import Answers, Window
 from monitor.contract.records import Assessment, LoopRow
-from monitor.report.draw import Contents
+from monitor.contract.summary import Contents
 
 START = 1_772_323_200 * 10**9
 ABOUT = {

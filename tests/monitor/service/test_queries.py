@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from monitor.contract.loops import Loop, LoopTable
+from monitor.service.queries import DEFAULT_RECORDS
 from tests.monitor.assess.test_upset import pulse, upset_loop
 from tests.monitor.service.tools import START, Bench, a_step, feed, one_loop
 from tests.support.bus import Question
@@ -189,3 +190,17 @@ def test_a_disturbance_is_published_kept_and_counted(bench):
     assert [(k["kind"], k["id"], k["ci"]) for k in kept] == [("disturbance", found.id, None)]
     assert kept[0]["recovery"] == pytest.approx(found.recovery)
     assert b.status()["disturbances"] == 1
+
+
+def test_one_event_however_old(bench):
+    """Asked for by its id it is found beyond the records that a question for all brings, and of a loop long gone."""
+    b = bench(LoopTable([Loop(name="L")]))
+    with b.store.transaction():
+        for k in range(DEFAULT_RECORDS + 1):
+            b.store.keep_assessment(f"id{k}", "plant/L", (START + k) * 10**9, b"{}", b"arrow")
+        b.store.keep_assessment("gone", "plant/GONE", START * 10**9, b"{}", b"arrow")
+    assert ids(b.ask("loopsight/**/history/id0")) == ["id0"]
+    assert ids(b.ask("loopsight/plant/L/history/id0")) == ["id0"]
+    assert ids(b.ask("loopsight/**/history/gone")) == ["gone"]
+    assert ids(b.ask("loopsight/plant/M/history/id0")) == []
+    assert ids(b.ask("loopsight/**/history/none")) == []

@@ -13,7 +13,7 @@ def test_the_picture_is_a_drawing() -> None:
     methods = [
         name for name, _ in inspect.getmembers(Drawing, inspect.isfunction) if not name.startswith("_")
     ]
-    assert methods == ["layout", "log", "page", "trend", "window"]
+    assert methods == ["answers", "fleet", "layout", "log", "page", "trend", "window"]
     for name in methods:
         wanted, offered = (inspect.signature(getattr(one, name)).parameters for one in (Drawing, Picture))
         assert [str(p) for p in wanted.values()] == [str(p) for p in offered.values()], name

@@ -10,7 +10,7 @@ import pytest
 
 from monitor.contract.entries import Message
 from monitor.contract.evidence import Pane
-from monitor.view.feed import LOG_LINES, QUESTIONS, Feed
+from monitor.view.feed import FLEET_TICKS, LOG_LINES, QUESTIONS, Feed
 from monitor.view.layout import QUIET_TICKS
 from tests.monitor.view.tools import Sketch
 from tests.support.fake_monitor import Loop, arrow, assessment, demo_loops, row, trend_payload, window_payload
@@ -106,6 +106,21 @@ def test_verdicts_are_asked_for_after_an_assessment(feed: Feed, loop: Loop) -> N
     assert feed.selection.shown == []
     assert feed._picture.layouts[-1][0] == []
     assert "No loop is flagged" in feed._picture.pages[None]
+
+
+def test_the_fleet_is_drawn_anew_where_a_loop_has_moved(feed: Feed, loop: Loop) -> None:
+    """At once, and then after some ticks; the charts have the units of the loop's row."""
+    for ms in (2.9, 2.9, 1.4):
+        say(
+            feed,
+            f"loopsight/{loop.key}/suggestion",
+            {**row(loop), "ms": ms, "unit": "bar", "evidence": [loop.id]},
+        )
+        say(feed, f"loopsight/{loop.key}/window", window_payload(loop))
+        for _ in range(FLEET_TICKS):
+            feed.tick()
+    assert [fleet.ms.tolist() for fleet in feed._picture.fleets] == [[2.9], [1.4]]
+    assert feed._picture.scales[0].unit == "bar"
 
 
 def test_layouts_are_rare(feed: Feed, loop: Loop) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor.adapters.rerun_view import picture
+from monitor.adapters.rerun_view import series
 from monitor.view.drawing import ViewError
 from monitor.view.live import draw
 from tests.support.fake_monitor import FakeMonitor
@@ -27,7 +27,7 @@ def test_one_event(tmp_path: Path, fake: FakeMonitor) -> None:
     """Its loop is drawn whatever its verdict; nothing is drawn of an event that the monitor does not know."""
     loop = next(loop for loop in fake.loops if loop.verdict == "good")
     stop, file = threading.Event(), tmp_path / "a.rrd"
-    drawn = f"{picture.entity(loop.name)}/event/{picture.PV}"
+    drawn = series.of_event(series.entity(loop.name), series.PV, loop.id)
 
     def look() -> None:
         until(lambda: drawn.encode() in file.read_bytes())

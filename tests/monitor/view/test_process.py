@@ -14,7 +14,7 @@ import numpy as np
 import psutil
 import pytest
 
-from monitor.adapters.rerun_view import picture as rerun_picture
+from monitor.adapters.rerun_view import series
 from monitor.view.process import start_view
 from tests.monitor.view.tools import LINUX, command, needs_rerun
 from tests.support.fake_monitor import FakeMonitor, assessment, window_payload
@@ -33,14 +33,14 @@ def test_late_view_gets_the_current_state(tmp_path: Path, fake: FakeMonitor) -> 
         until(lambda: {f"window/{loop.id}" for loop in flagged} <= fake.asked)
         assert view.url == ""  # nothing to open
         fake.health()
-        drawn = [f"{rerun_picture.entity(loop.name)}/event/{rerun_picture.PV}".encode() for loop in flagged]
+        drawn = [series.of_event(series.entity(loop.name), series.PV, loop.id).encode() for loop in flagged]
         until(lambda: all(path in (tmp_path / "late.rrd").read_bytes() for path in drawn))
     finally:
         view.stop()
-    series = read(tmp_path / "late.rrd")
+    found = read(tmp_path / "late.rrd")
     for loop in flagged:
-        _, values = series[f"/{rerun_picture.entity(loop.name)}/event/{rerun_picture.PV}"]
-        np.testing.assert_array_equal(values[:-1], loop.columns["pv"])
+        _, values = found["/" + series.of_event(series.entity(loop.name), series.PV, loop.id)]
+        np.testing.assert_array_equal(values, loop.columns["pv"])
     pages = texts(tmp_path / "late.rrd", "/overview")
     assert any("**4** to retune" in page and "**1** good" in page for page in pages)
 
@@ -60,7 +60,7 @@ def test_live_view_draws_what_is_said(tmp_path: Path, fake: FakeMonitor) -> None
 
         until(asked)
         steps = itertools.count()
-        base = f"/{rerun_picture.entity(loop.name)}/live/{rerun_picture.PV}"
+        base = f"/{series.entity(loop.name)}/live/{series.PV}"
 
         def drawn() -> bool:
             fake.go_on(loop, 4000 + 10 * next(steps), 10)
@@ -85,19 +85,13 @@ def test_single_event(tmp_path: Path, fake: FakeMonitor) -> None:
     )
     try:
         until(lambda: f"window/{loop.id}" in fake.asked)
-        until(lambda: rerun_picture.ONSET_OP.encode() in file.read_bytes())
+        until(lambda: series.ONSET_OP.encode() in file.read_bytes())
     finally:
         process.terminate()
         assert process.wait(PATIENCE) == 0
-    series = (
-        rerun_picture.SP,
-        rerun_picture.PV,
-        rerun_picture.OP,
-        rerun_picture.MODEL,
-        rerun_picture.ONSET,
-        rerun_picture.ONSET_OP,
-    )
-    assert set(read(file)) == {f"/{rerun_picture.entity(loop.name)}/event/{name}" for name in series}
+    names = "SP PV OP MODEL RESIDUAL ONSET ONSET_OP".split()
+    base = series.entity(loop.name)
+    assert set(read(file)) == {f"/{series.of_event(base, getattr(series, name), loop.id)}" for name in names}
     done = command(*options, "--event", "0123456789abcdef")
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1

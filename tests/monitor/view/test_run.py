@@ -11,7 +11,7 @@ import pytest
 from monitor.adapters.rerun_view.process import RerunError
 from monitor.view import run
 from monitor.view.drawing import ViewError
-from monitor.view.run import Wanted, show, watch
+from monitor.view.run import Wanted, look_back, show, watch
 
 
 class Viewer:
@@ -92,3 +92,12 @@ def test_a_viewer_that_is_missing_is_one_line(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(run.process, "program", missing)
     with pytest.raises(ViewError, match="not installed"):
         watch("tcp/127.0.0.1:1", Wanted("none", Path("a.rrd")), threading.Event())
+
+
+def test_what_is_over_is_drawn_and_ends_by_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Where it is only recorded."""
+    drawn: list[Any] = []
+    look_back(lambda: drawn.append, Wanted("none", tmp_path / "a.rrd"), threading.Event())
+    assert len(drawn) == 1
+    assert capsys.readouterr().out == "view none\n"
+    assert (tmp_path / "a.rrd").stat().st_size > 0

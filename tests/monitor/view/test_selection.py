@@ -23,3 +23,41 @@ def test_selection_shows_the_worst_and_does_not_flicker() -> None:
     assert selection.shown == ["c", "b", "d"]
     assert selection.counts() == {"retune": 4, "good": 1}
     assert [r["loop"] for r in selection.flagged()] == ["c", "b", "d", "a"]
+
+
+def test_danger_comes_before_speed() -> None:
+    """As in the audit: near instability, the valve, then the slowest; the rest needs nobody."""
+    selection = Selection(most=2)
+    for name, facts in {
+        "slow": {"verdict": "retune", "ci_setpoint": 0.01},
+        "valve": {"verdict": "inconclusive", "flags": ["stiction"]},
+        "unsure": {"verdict": "inconclusive"},
+        "near": {"verdict": "retune", "ci_setpoint": 0.9, "flags": ["near_instability"]},
+    }.items():
+        selection.put({"loop": name, **facts}, f"plant/{name}")
+        selection.choose()
+    assert [r["loop"] for r in selection.flagged()] == ["near", "valve", "slow"]
+    assert selection.shown == ["near", "valve"]
+    assert selection.counts() == {"retune": 2, "valve": 1, "unclear": 1}
+
+
+def test_the_fleet_moves_where_a_loop_does() -> None:
+    """The most dangerous first; a loop that loses its figures leaves; the same row again moves nothing."""
+    selection = Selection()
+    fine, slow = (
+        {"loop": "a", "verdict": "good", "ci_load": 0.9, "ms": 1.5},
+        {"loop": "b", "verdict": "retune"},
+    )
+    for facts in (fine, slow | {"ci_setpoint": 0.2, "ms": 1.2}):
+        selection.put(facts, "plant/x")
+    assert selection.moved
+    fleet = selection.fleet()
+    assert list(fleet.names) == ["b", "a"]
+    assert list(fleet.kinds) == ["retune", "good"]
+    assert fleet.ci.tolist() == [0.2, 0.9]
+    selection.moved = False
+    selection.put(fine, "plant/x")
+    assert not selection.moved
+    selection.put(slow, "plant/x")
+    assert selection.moved
+    assert (selection.placed, Selection().fleet().ci.size) == (1, 0)

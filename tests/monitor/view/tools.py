@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from monitor.contract.evidence import Pane
+from monitor.contract.evidence import Answers, Fleet, Pane, Scale, Step
 from tests.support.places import ROOT
 from tests.support.waiting import PATIENCE
 
@@ -28,16 +28,26 @@ class Sketch:
     def __init__(self) -> None:
         self.now = 1
         self.windows: list[str] = []
+        self.scales: list[Scale] = []
+        self.answered: list[tuple[Answers, Step]] = []
+        self.fleets: list[Fleet] = []
         self.trends: list[str] = []
         self.lines: list[str] = []
         self.pages: dict[str | None, str] = {}
         self.layouts: list[tuple[list[Pane], str | None]] = []
 
-    def window(self, window: Any) -> None:
+    def window(self, window: Any, scale: Scale) -> None:
         self.windows.append(window.loop)
+        self.scales.append(scale)
 
-    def trend(self, trend: Any) -> None:
+    def answers(self, answers: Answers, step: Step) -> None:
+        self.answered.append((answers, step))
+
+    def trend(self, trend: Any, _scale: Scale) -> None:
         self.trends.append(trend.loop)
+
+    def fleet(self, loops: Fleet) -> None:
+        self.fleets.append(loops)
 
     def log(self, text: str, _level: str, _time: int | None) -> None:
         self.lines.append(text)
@@ -45,5 +55,5 @@ class Sketch:
     def page(self, text: str, loop: str | None = None) -> None:
         self.pages[loop] = text
 
-    def layout(self, panes: list[Pane], active: str | None = None) -> None:
-        self.layouts.append((panes, active))
+    def layout(self, shown: list[Pane], active: str | None = None) -> None:
+        self.layouts.append((shown, active))

@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from monitor.adapters.rerun_view import picture as rerun_picture
 from monitor.adapters.rerun_view import process as rerun_process
+from monitor.adapters.rerun_view import series
 from monitor.view.process import start_view
 from tests import screenshot_view
 from tests.support.fake_monitor import FakeMonitor
@@ -43,10 +43,10 @@ def test_picture_is_drawn(tmp_path: Path, fake: FakeMonitor) -> None:
     from PIL import Image  # noqa: PLC0415 - comes with rerun
 
     colours = (
-        rerun_picture.PV_COLOUR,
-        rerun_picture.OP_COLOUR,
-        rerun_picture.ONSET_COLOUR,
-        rerun_picture.MODEL_COLOUR,
+        series.PV_COLOUR,
+        series.OP_COLOUR,
+        series.ONSET_COLOUR,
+        series.MODEL_COLOUR,
     )
     png = tmp_path / "v.png"
 

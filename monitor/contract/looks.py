@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from monitor.contract.changes import BETTER, MISSING, MIXED, NEW, SAME, UNCLEAR, WORSE
+
 
 class Look(NamedTuple):
     """Words, colour and shape of a kind."""
@@ -35,3 +37,16 @@ LOOKS: dict[str, Look] = {
     ),
 }
 """By kind."""
+
+OUTCOME_LOOKS: dict[str, Look] = {
+    WORSE: Look(
+        "worse", "#d55e00", "M0,6L5.5,-4.5L-5.5,-4.5Z", "slower, nearer to instability, or a fault has come"
+    ),
+    MIXED: Look("both", "#e69f00", LOOKS["oscillating"].shape, "better in one figure, worse in another"),
+    BETTER: Look("better", "#009e73", LOOKS["retune"].shape, "faster, safer, or a fault is gone"),
+    UNCLEAR: LOOKS["unclear"]._replace(says="too few events, or more scatter than change"),
+    SAME: Look("as before", "#0072b2", LOOKS["good"].shape, "what can be told has not changed"),
+    NEW: Look("new", "#7b4f9d", LOOKS["manual"].shape, "not in the earlier audit"),
+    MISSING: Look("missing", "#1b2430", LOOKS["valve"].shape, "not in the later audit"),
+}
+"""By outcome of a comparison: what points down is worse, what points up is better."""

@@ -214,7 +214,7 @@ def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None, other_loads: bo
         return None
     rss = max(rss, LEAST_NOISE_SHARE * float(w.blocks.pv @ w.blocks.pv))
     n_eff = len(rest) / correlation_time(rest)
-    of_best = -0.5 * n_eff * (math.log(rss / len(rest)) + volume(w) / len(rest))
+    of_best = -0.5 * n_eff * (math.log(rss / len(rest)) + volume(w.blocks) / len(rest))
     if w.kind % 2 == 0:
         found = _one_lag(w, single)
     elif rival is not None and _not_believed(

@@ -32,8 +32,8 @@ INDIRECT_LN_GAIN_FLOOR_SD = 0.02
 TIME_FLOOR_SHARE = 0.04
 """One sigma of model mismatch in lag and in dead time, as a share of the dead time (or of T0, if larger share)."""
 OTHER_LOAD_FLOOR_RATIOS = np.array([4.0, 2.0, 2.0]) ** 2
-"""What these variances, of ln gain and times, grow by where a load of another shape is beside, or one wanders: a model's
-error and a load's shape cannot be told apart."""
+"""What these variances, of ln gain and times, grow by where a load of another shape is beside, or one wanders: a
+model's error and a load's shape cannot be told apart."""
 OTHER_LOAD_LN_GAIN_SD = 0.5
 """One sigma of ln gain of a self-regulating process where the load was no step: a slow load and a slow tail of the
 process are the same to PV. In simulated events of other shapes and loads the gain was off by 0.3 in the middle and by

@@ -31,9 +31,9 @@ LOAD_BELIEVED_LN, ALIKE_LN = 30.0, 0.4
 """The same for a single load beside the step instead: a ramp explains up to 22 of what wanders, one that was there 88
 and more. And the difference in ln gain up to which the two agree on the process: a load that explains the response
 itself does not."""
-RATIOS = np.geomspace(1e-6, 10.0, 15)
-"""Variance that the walk gains from sample to sample, in variances of the white noise (of a trend: in one sample)."""
-ORDERS = (1, 2)
+RATIOS = {1: np.geomspace(1e-4, 10.0, 11), 2: np.geomspace(1e-6, 1.0, 7)}
+"""By order: variance that the walk gains from sample to sample, in variances of the white noise (of a trend: in one
+sample)."""
 LEAST_BEFORE = 8
 """Points, or blocks, before the onset, without which it is not known what was there."""
 
@@ -49,7 +49,8 @@ class Wandering(NamedTuple):
 
 def wanders(w: SearchWindow, p: Array) -> bool:
     """Whether noise that goes on is likelier than white noise, where the process is as these parameters say."""
-    rss = evaluate(w.blocks, p, np.empty(len(w.blocks.at)))[2]
+    rest = np.empty(len(w.blocks.at))
+    rss = evaluate(w.blocks, p, rest)[2]
     if not rss >= LEAST_SETPOINT_REST_SHARE * float(w.blocks.pv @ w.blocks.pv):
         return False
     return likelihood(_likeliest(w, p), p) - likelihood(w, p) >= BELIEVED_LN
@@ -98,11 +99,11 @@ def _likeliest(w: SearchWindow, p: Array) -> SearchWindow:
     """Return the window with the noise that is likeliest where the process is as these parameters say."""
     step = float(w.points.at[-1] - w.points.at[0]) / len(w.points.at)
     tried = [
-        w.wandering(order, float(ratio) / step ** (1 if order == 1 else 3))
-        for order in ORDERS
-        for ratio in RATIOS
+        (order, float(ratio) / step ** (1 if order == 1 else 3))
+        for order, ratios in RATIOS.items()
+        for ratio in ratios
     ]
-    return max(tried, key=lambda each: likelihood(each, p))
+    return w.wandering(*max(tried, key=lambda each: _of_blocks(w.wandering_blocks(*each), p)))
 
 
 def was_there_before(w: Columns, p: Array) -> bool:
@@ -130,17 +131,20 @@ def _of_innovations(x: Array, at: Array, beside: Beside) -> float:
 
 def likelihood(w: SearchWindow, p: Array) -> float:
     """Return the logarithm of the likelihood of a window's blocks, gain and load the best."""
-    rest = np.empty(len(w.blocks.at))
-    rss = evaluate(w.blocks, p, rest)[2]
+    return _of_blocks(w.blocks, p)
+
+
+def _of_blocks(w: Columns, p: Array) -> float:
+    rest = np.empty(len(w.at))
+    rss = evaluate(w, p, rest)[2]
     if not (math.isfinite(rss) and rss > 0.0):
         return -math.inf
     return -0.5 * len(rest) * math.log(rss / len(rest)) - 0.5 * volume(w)
 
 
-def volume(w: SearchWindow) -> float:
-    """Return the sum of the logarithms of the innovations' variances, in variances of the blocks' white noise."""
-    beside: Beside = w.blocks.beside
-    return float(innovations(np.zeros(len(w.blocks.at)), w.blocks.at, beside)) if beside.order else 0.0
+def volume(w: Columns) -> float:
+    """Return the sum of the logarithms of the innovations' variances, in variances of the white noise."""
+    return float(innovations(np.zeros(len(w.at)), w.at, w.beside)) if w.beside.order else 0.0
 
 
 def wander_of(w: SearchWindow) -> Wander | None:

@@ -104,12 +104,12 @@ class SearchWindow:
 
     def wandering(self, order: int, ratio: float) -> SearchWindow:
         """Return the window for PV in whose noise a level or a trend wanders: as in `Beside`, ``ratio`` of a sample."""
-        points, blocks = (
-            w._replace(beside=w.beside._replace(order=order, ratio=ratio * each))
-            for w, each in ((self.points, 1.0), (self.blocks, self.each))
-        )
-        points, blocks = (w._replace(pv=project(w.measured.copy(), w.at, w.beside)) for w in (points, blocks))
+        points, blocks = _wandering(self.points, order, ratio), self.wandering_blocks(order, ratio)
         return replace(self, points=points, blocks=blocks, quiet=self.white, alike=1.0)
+
+    def wandering_blocks(self, order: int, ratio: float) -> Columns:
+        """Return its blocks alone; ``ratio`` of a sample, too."""
+        return _wandering(self.blocks, order, ratio * self.each)
 
     def free(self, names: tuple[int, ...]) -> NDArray[np.int64]:
         """Return the places of these parameters, and of a load's onset and width."""
@@ -148,6 +148,12 @@ def search_window(
     quiet = _quiet(window, load, noise)
     laid = SearchWindow(columns((t, t, u, y), kind), columns(few, kind), noise, *quiet, period, not picked)
     return laid if window.rested or load else laid.with_load(START)
+
+
+def _wandering(w: Columns, order: int, ratio: float) -> Columns:
+    """Return columns beside which a level or a trend wanders."""
+    beside = w.beside._replace(order=order, ratio=ratio)
+    return w._replace(beside=beside, pv=project(w.measured.copy(), w.at, beside))
 
 
 def laid_out(w: Columns, kind: int, shape: int, last_onset: float) -> Columns:

@@ -68,12 +68,12 @@ def fleet(request) -> list[tuple[ClosedEvent, Fit]]:
 
 
 def test_the_gain_is_found_beside_it(fleet):
-    """In the middle within 10 %, none of another sign, and inside of the interval in nearly all."""
+    """In the middle within 10 %, none of another sign, and within three standard deviations in nearly all."""
     true = PLANTS[fleet[0][1].process].gain
     off = [math.log(fit.gain / true) for _, fit in fleet]
     assert np.median(np.abs(off)) < 0.1
-    inside = [abs(o) < 1.96 * math.sqrt(fit.cov[0, 0]) for o, (_, fit) in zip(off, fleet, strict=True)]
-    assert sum(inside) >= len(inside) - 2
+    inside = [abs(o) < 3.0 * math.sqrt(fit.cov[0, 0]) for o, (_, fit) in zip(off, fleet, strict=True)]
+    assert sum(inside) >= len(inside) - 1
 
 
 def test_most_are_seen_to_wander(fleet):

@@ -44,6 +44,8 @@ LARGE_BAND_SHARE = 0.5
 """Of OP's range, from which a band is the valve's even in data that a historian has compressed."""
 ALWAYS_SHARE, MOST_SPANS = 0.9, 3
 """Share of the judged time from which a loop oscillates all the time; and episodes that are named, the newest."""
+SAME_GAIN_RATIO = 2.0
+"""Factor between the gain of the events and the interval of that of the cycle, from which they are not the same."""
 SAME_PERIOD_RATIO = 2.0
 """Factor between a loop's own period and the one seen, up to which its settings may be the cause."""
 
@@ -240,6 +242,22 @@ def trapped(health: Health, tuning: Tuning, loop: Loop) -> str:
         return ""
     gain = f"gain about {cycle.gain:.2g} [PV/(OP s)], by the amplitudes of PV and OP in the cycle"
     return f"{_cycle(health)}: {too_strong} ({gain})"
+
+
+def gain_in_doubt(health: Health, tuning: Tuning, loop: Loop) -> str:
+    """Name a cycle of the loop's own whose amplitudes show another gain of an integrating process than the events do."""
+    cycle, gain = health.signs.gain, tuning.model.get("gain")
+    if cycle is None or gain is None or not cycle.integrating or tuning.process != INTEGRATING:
+        return ""
+    if not oscillates(health, tuning, loop) or not _rolls_by_itself(health, tuning, loop):
+        return ""
+    least, most = sorted((abs(cycle.gain_lo), abs(cycle.gain_hi)))
+    if gain * cycle.gain > 0.0 and least / SAME_GAIN_RATIO <= abs(gain) <= most * SAME_GAIN_RATIO:
+        return ""
+    return (
+        f"{_cycle(health)}; by its amplitudes the gain is {cycle.gain:.2g} [PV/(OP s)], by the events {gain:.2g}: "
+        "settings that cure one make the other worse"
+    )
 
 
 def _period(health: Health) -> float | None:

@@ -121,6 +121,7 @@ _LAW = "find out what else moves OP: a gap, a gain that follows the error, an ov
 _VALVE = "check the valve and its positioner before the tuning: stroke it in manual and see whether the cycle stops"
 _LONGER = "lengthen the integral time as said; then a set-point step shows what else can be gained"
 _OTHERS = "find the source first: in manual, does the cycle stay? Then it comes from outside"
+_DOUBT = "make a set-point step large enough to stand out of the cycle: it shows which gain is right"
 _DEMAND = "record the controller's demand (before the pulses), or OP's mean over a cycle of pulses"
 _ROOM = "look for the bottleneck (valve size, bypass, pump), or a set point within reach"
 _SHUT = (
@@ -164,6 +165,7 @@ TREE = (
     Branch("stiction", branches.sticks, WITHHOLDS, _VALVE),
     # does it oscillate for another reason?
     Branch("oscillating", branches.trapped, WITHHOLDS, _LONGER),
+    Branch("oscillating", branches.gain_in_doubt, WITHHOLDS, _DOUBT),
     Branch("oscillating", branches.oscillates_otherwise, WITHHOLDS, _OTHERS),
     Branch("oscillating", branches.oscillates, MARKS, ""),
     # then the tuning; what else is worth a word

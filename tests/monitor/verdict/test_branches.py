@@ -117,3 +117,13 @@ def test_a_loop_near_instability_is_marked_from_a_quarter_above_its_limit():
     assert concluded(Signs(), tuning).verdict == RETUNE
     assert concluded(Signs(), Tuning(verdict=GOOD, ms=2.74)).flags == ()
     assert concluded(Signs(), tuning, Loop(name="LIC-1", kp=2.0, ti=82.0, ms_max=3.0)).flags == ()
+
+
+@pytest.mark.parametrize(("of_events", "doubted"), [(0.0013, True), (0.0006, False)])
+def test_a_gain_that_the_cycle_contradicts_carries_no_settings(of_events, doubted):
+    """The loop rolls by itself: its amplitudes show 0.0005. Settings for 0.0013 would make it roll more."""
+    model = {"gain": of_events, "dead_time": 20.0, "lag": 0.0}
+    tuning = Tuning(RETUNE, "too close to instability", ms=6.0, process="integrating", model=model)
+    row = concluded(cycling(gain=gain(0.0005)), tuning)
+    assert ("by its amplitudes the gain is 0.0005 [PV/(OP s)], by the events 0.0013" in row.reason) is doubted
+    assert row.verdict == (INCONCLUSIVE if doubted else RETUNE)

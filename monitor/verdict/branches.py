@@ -245,7 +245,7 @@ def trapped(health: Health, tuning: Tuning, loop: Loop) -> str:
 
 
 def gain_in_doubt(health: Health, tuning: Tuning, loop: Loop) -> str:
-    """Name a cycle of the loop's own whose amplitudes show another gain of an integrating process than the events do."""
+    """Name a cycle of the loop's own whose amplitudes show another gain of an integrating process than events do."""
     cycle, gain = health.signs.gain, tuning.model.get("gain")
     if cycle is None or gain is None or not cycle.integrating or tuning.process != INTEGRATING:
         return ""

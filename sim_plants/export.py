@@ -168,7 +168,9 @@ def _write_files(tables: Iterable[pd.DataFrame], layout: Layout, folder: Path) -
 
 def _write_sheet(table: pd.DataFrame, path: Path) -> None:
     if len(table) > MOST_SHEET_ROWS:
-        raise ValueError(f"{path}: {len(table)} rows, expected at most {MOST_SHEET_ROWS}: a sheet takes no more")
+        raise ValueError(
+            f"{path}: {len(table)} rows, expected at most {MOST_SHEET_ROWS}: a sheet takes no more"
+        )
     texts = {"options": {"strings_to_formulas": False, "strings_to_urls": False}}
     with replacing(path) as file, pd.ExcelWriter(file, engine="xlsxwriter", engine_kwargs=texts) as book:
         table.to_excel(book, index=False)

@@ -27,8 +27,8 @@ LOST_EVERY_SAMPLES = 499
 class Layout:
     """One way to write an export."""
 
-    table: Callable[[pd.DataFrame], pd.DataFrame]
-    """Samples to rows."""
+    table: Callable[[Any], Any]
+    """Samples to rows, frame to frame (no name of pandas: `--help` lists the layouts without loading it)."""
     suffix: str = ".csv"
     split: str = ""
     """Column by which the rows are parted into files, each called by its value; the column itself is left out."""
@@ -108,7 +108,8 @@ def wide(
 ) -> pd.DataFrame:
     """Return a row for each time, a column for each tag; empty where a loop has no sample at that time."""
     said = data.assign(auto=modes(data["auto"], on, off))
-    cells = said.pivot(index="time", columns="loop", values=list(ROLES))
+    # no pivot_table: a cell has one sample, and two of the same time are a mistake
+    cells = said.pivot(index="time", columns="loop", values=list(ROLES))  # noqa: PD010
     tags = {
         (role, loop): tag for loop in data["loop"].cat.categories for role, tag in names(str(loop)).items()
     }
@@ -122,14 +123,10 @@ def tall(data: pd.DataFrame, names: Names = PLAIN, on: str = "AUTO", off: str = 
     said = data.assign(
         auto=modes(data["auto"], on, off), **{role: data[role].astype(str) for role in ROLES[:3]}
     )
-    rows = said.melt(["loop", "time"], list(ROLES), "role")
-    tags = {
-        (str(loop), role): tag
-        for loop in data["loop"].cat.categories
-        for role, tag in names(str(loop)).items()
-    }
+    tags = {str(loop): names(str(loop)) for loop in data["loop"].cat.categories}
+    rows = said.melt(["loop", "time"], list(names("")), "role")
     keys = zip(rows["loop"].astype(str), rows["role"], strict=True)
-    rows = rows.assign(tag=[tags.get(key) for key in keys]).dropna(subset="tag")
+    rows = rows.assign(tag=[tags[loop][role] for loop, role in keys])
     return rows.sort_values(["time", "tag"], kind="stable", ignore_index=True)
 
 
@@ -238,9 +235,7 @@ LAYOUTS: dict[str, Layout] = {
         rows_of({"path": tag, "value": value, "quality": 192, "timestamp": at(epoch(10**6))}, IGNITION)
     ),
     "plain-tall": Layout(rows_of({"tag": tag, "time": at(text("%Y-%m-%dT%H:%M:%S")), "value": value})),
-    "deltav": Layout(
-        partial(wide, names=DELTAV, heading="Date-Time", times=with_offset)
-    ),
+    "deltav": Layout(partial(wide, names=DELTAV, heading="Date-Time", times=with_offset)),
     "experion": Layout(partial(wide, names=EXPERION, on="CAS")),
     "yokogawa": Layout(partial(wide, names=YOKOGAWA, on="AUT")),
     "foxboro": Layout(partial(wide, names=FOXBORO)),

@@ -85,6 +85,7 @@ HOMES: dict[str, set[str]] = {
     "pandas": {
         "monitor/adapters/loop_table.py",
         *(f"monitor/adapters/historian/{n}.py" for n in ("cells", "clock")),
+        *(f"sim_plants/{n}.py" for n in ("export", "export_layouts")),
     },
     "python_calamine": {"monitor/adapters/historian/excel_files.py"},
     "click": {

@@ -42,7 +42,7 @@ def scenario_loops(name: str, seed: int) -> list[LoopSpec]:
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path),
               help="Write an export here instead: data.parquet, loops.csv, truth.csv, truth_events.csv.")  # fmt: skip
 @click.option("--layout", metavar="NAME", type=click.Choice(sorted(LAYOUTS)),
-              help=f"With --out: write data.* as a plant's system exports it: {', '.join(sorted(LAYOUTS))}.")  # fmt: skip
+              help=f"With --out: as a system exports it: {', '.join(sorted(LAYOUTS))}.")  # fmt: skip
 @parent_option
 def simulate(
     loops: int | None, scenario: str | None, plant: Path | None, seed: int, hours: float, out: Path | None,
@@ -53,15 +53,16 @@ def simulate(
         raise Refused("--layout: expected --out DIR beside it")
     specs = _loops(loops, scenario, plant, seed)
     if out is not None:
-        from sim_plants.export import DEFAULT_START, LAYOUT_START, data_name, write_export
+        from sim_plants.export import LAYOUT_START, data_name, write_export
+        from sim_plants.loops import DEFAULT_START
 
         how = LAYOUTS.get(layout or "")
         try:
             rows = write_export(specs, hours * 3600.0, out, LAYOUT_START if how else DEFAULT_START, how)
         except (ValueError, OSError) as error:
             raise Refused(str(error)) from None
-        click.echo(f"{rows:,} samples of {len(specs)} loops, {hours:g} h: {out}/{data_name(how)}, loops.csv, truth.csv, "
-                   "truth_events.csv")  # fmt: skip
+        files = f"{data_name(how)}, loops.csv, truth.csv, truth_events.csv"
+        click.echo(f"{rows:,} samples of {len(specs)} loops, {hours:g} h: {out}/{files}")
         return
     _publish(specs, **options)
 

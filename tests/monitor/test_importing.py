@@ -15,7 +15,7 @@ from tests.support.export_families import FAMILIES, ZONE, base
 
 
 def test_it_says_how_and_shows_samples(tmp_path: Path) -> None:
-    done = run_import([FAMILIES["names-deltav"].write(base(), tmp_path)], tmp_path / "plant", tz=ZONE)
+    done = run_import([FAMILIES["layout-deltav"].write(base(), tmp_path)], tmp_path / "plant", tz=ZONE)
     assert done.exit_code == 0
     assert "PV = TIC-7/PID1/PV.CV" in done.lines[0]
     assert any(

@@ -44,7 +44,7 @@ STATIONS: dict[str, tuple[str, ...]] = {
         "view.process",
     ),
     "audit": ("compiled", "contract", "engine", "verdict", "adapters", "report"),
-    "importing": ("contract", "adapters", "audit"),
+    "importing": ("contract", "adapters", "audit", "check_controller"),
     "check": ("contract", "advise", "adapters", "service.config", "check_controller"),
     "check_controller": ("contract", "detect.event", "identify"),
     "cli": ("tuners", *CORE, "wire", "adapters", "service", "audit", "view", "check", "importing"),

@@ -31,7 +31,7 @@ from .inputs import Inputs, find, identity
 from .result import PARTS_FOLDER, AuditResult
 from .settings import AuditSettings
 from .silence import Silence, end_of_most
-from .tasks import Part, Progress, plan, run_all
+from .tasks import Part, Progress, cluster, plan, run_all
 
 
 def run_audit(
@@ -62,9 +62,13 @@ def run_audit(
     ValueError
         A setting is not acceptable: one line that names it.
     OSError
-        ``out`` cannot be written to.
+        ``out`` cannot be written to, or nobody is there to do the work.
+    ImportError
+        A scheduler is named, and dask.distributed is not installed.
     """
     audit = Audit(Path(out), settings or AuditSettings())
+    if audit.settings.scheduler is not None:
+        cluster(audit.settings.scheduler).close()  # before a large folder is looked at
     audit.find(paths, loops_file)
     audit.run(progress)
     return audit.finish()

@@ -26,7 +26,7 @@ from monitor.audit.inputs import Inputs, find
 from monitor.check_controller import Sample, controller_in
 from monitor.contract.loops import Loop
 from monitor.contract.samples import QUALITY_UNCERTAIN, Samples
-from monitor.contract.text import visible
+from monitor.contract.text import inert, visible
 from monitor.contract.times import iso
 
 FORMATS = {DAY_FIRST: "%d/%m/%Y %H:%M:%S", MONTH_FIRST: "%m/%d/%Y %H:%M:%S", YEAR_FIRST: "%Y/%m/%d %H:%M:%S"}
@@ -246,7 +246,7 @@ def loop_table_text(seen: dict[str, Seen]) -> str:
     writer = csv.DictWriter(text, (*COLUMNS, *REMARKS), restval="", lineterminator="\n")
     writer.writeheader()
     for name, found in seen.items():
-        writer.writerow({"name": name, "process": "auto", **_remarks(name, found)})
+        writer.writerow({"name": inert(name), "process": "auto", **_remarks(name, found)})
     return text.getvalue()
 
 

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from monitor.adapters.historian.mapping import read_mapping
+from monitor.adapters.loop_table import read_loop_table
 from monitor.audit.inputs import find
 from monitor.audit.run import run_audit
 from monitor.audit.settings import AuditSettings
@@ -59,8 +60,12 @@ def test_a_share_is_no_per_cent() -> None:
     assert loop_table_text({"TIC-1": seen}).splitlines()[1].startswith("TIC-1,auto,,,,,,,,")
 
 
-def test_hostile_names_do_no_harm() -> None:
+def test_hostile_names_do_no_harm(tmp_path: Path) -> None:
+    """None is a formula in the table, and the audit finds the loop of that name (a tag may begin with = or +)."""
     assert "\x1b" not in visible_lines("a\x1b[2J\nb")
+    (tmp_path / "loops.csv").write_text(loop_table_text({"=cmd()": Seen(), "+A1-LIC": Seen(), "LIC": Seen()}))
+    assert "\n'=cmd()," in (tmp_path / "loops.csv").read_text()
+    assert [loop.name for loop in read_loop_table(tmp_path / "loops.csv")] == ["=cmd()", "+A1-LIC", "LIC"]
 
 
 # -- import, then audit ---------------------------------------------------------------------------

@@ -29,10 +29,10 @@ KILLS = 10
 
 @pytest.fixture(scope="module")
 def export(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Thirteen loops for two hours, flagged and good ones and one in manual, in three layouts."""
+    """Thirteen loops for an hour, flagged and good ones and one in manual, in three layouts."""
     folder = tmp_path_factory.mktemp("export")
     for name in (None, "european", "one-file-per-tag"):
-        write_export(demo(1), 7200.0, folder, LAYOUT_START, LAYOUTS.get(name or ""))
+        write_export(demo(1), 3600.0, folder, LAYOUT_START, LAYOUTS.get(name or ""))
     return folder
 
 
@@ -82,10 +82,10 @@ def test_any_number_of_processes(export: Path, tmp_path: Path) -> None:
 # -- a cluster: its library is an extra --------------------------------------------------------------
 @contextmanager
 def local_cluster(workers: int) -> Iterator[str]:
-    """A Dask cluster in this process; its address."""
+    """A Dask cluster of this machine; its address."""
     distributed: Any = pytest.importorskip("distributed")
     with distributed.LocalCluster(
-        n_workers=workers, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"
+        n_workers=workers, threads_per_worker=1, dashboard_address=None, protocol="tcp"
     ) as cluster:
         yield cluster.scheduler_address
 

@@ -280,23 +280,36 @@ class Engine:
 
     # -- the loop as it stands --------------------------------------------------------------------
 
-    def row(self, row: int) -> LoopRow:
-        """Return a loop's current row: its verdict, and its health so far."""
+    def row(self, row: int, units: str | None = None) -> LoopRow:
+        """Return a loop's current row: its verdict, and its health so far.
+
+        Parameters
+        ----------
+        units
+            What its samples show of SP being in another unit than PV; None: nothing.
+        """
         state = self.detector.state[row]
         moves = moves_in_words({name: int(state["moves"][name]) for name in FATES})
         period, dead_band = float(state["clock"]["period"]), self.reporting.dead_band(row)
         signs = self._diagnoses.signs(row)
-        return self._row(row, self.detector.health[row], period, dead_band, signs, moves)
+        return self._row(row, self.detector.health[row], period, dead_band, signs, moves, units)
 
     def _row(
-        self, row: int, health: np.void, period: float, dead_band: float | None, signs: Signs, moves: str = ""
+        self,
+        row: int,
+        health: np.void,
+        period: float,
+        dead_band: float | None,
+        signs: Signs,
+        moves: str = "",
+        units: str | None = None,
     ) -> LoopRow:
         """Return a loop's row with its health, period [s], dead band [PV], signs and moves of some moment."""
         history = self._histories.get(row)
         tuning = Tuning() if history is None else history.tuning
         seen = by_exception(figures(health, period, tuning.model.get("dead_time")), dead_band)
         in_force = InForce(self.loops[row]) if history is None else history.in_force
-        return loop_row(in_force, replace(tuning, moves=moves), replace(seen, signs=signs))
+        return loop_row(in_force, replace(tuning, moves=moves), replace(seen, signs=signs, units=units))
 
     def rows(self) -> list[LoopRow]:
         """Return one row for each loop, worst first: by verdict, then by index, then by name."""

@@ -1,4 +1,4 @@
-"""The controller in a sample of the data that `loopsight check` reads: the loop table's settings held against it."""
+"""The controller in a sample of the data that `check` and `import` read, and the loop table's settings against it."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Sample:
             order = np.argsort(samples.loop, kind="stable")
             codes, starts = np.unique(samples.loop[order], return_index=True)
             for code, rows in zip(codes, np.split(order, starts[1:]), strict=True):
-                self._add(int(code), samples.take(rows))
+                self.add(int(code), samples.take(rows))
             yield samples
 
     def windows(self, code: int) -> list[tuple[EventWindow, float]]:
@@ -63,7 +63,7 @@ class Sample:
             out.append((window, float(np.median(np.diff(time)))))
         return out
 
-    def _add(self, code: int, samples: Samples) -> None:
+    def add(self, code: int, samples: Samples) -> None:
         """Take a loop's next samples; one that is bad, or in manual, ends the stretch."""
         kept = self._loops.setdefault(code, _Kept())
         columns = np.column_stack([samples.time.astype(float), samples.sp, samples.pv, samples.op])
@@ -99,6 +99,15 @@ def _close(kept: _Kept) -> None:
     kept.buffer, kept.n = [], 0
 
 
+def controller_in(sample: Sample, code: int, loop: Loop) -> Controller | None:
+    """Return what a sample shows of a loop's controller; None where nothing is seen."""
+    from monitor.identify.controller import see_controller  # noqa: PLC0415 (compiles: only where there are data)
+    from monitor.identify.controller_seen import combined  # noqa: PLC0415
+
+    seen = [see_controller(window, period, loop) for window, period in sample.windows(code)]
+    return combined([c for c in seen if c is not None])
+
+
 def looked_at(names: list[str], sample: Sample, loops: Mapping[str, Loop]) -> tuple[list[str], list[str]]:
     """Return what a file's samples say against the settings of loops, and what else they show; a line each.
 
@@ -112,13 +121,10 @@ def looked_at(names: list[str], sample: Sample, loops: Mapping[str, Loop]) -> tu
         Rows of the loop table, by name.
     """
     from monitor.identify import controller_seen as said  # noqa: PLC0415 (compiles: only where there are data)
-    from monitor.identify.controller import see_controller  # noqa: PLC0415
 
     wrong, notes = [], []
     for code, name in enumerate(names):
-        loop = loops.get(name, Loop(name=name))
-        seen = [see_controller(window, period, loop) for window, period in sample.windows(code)]
-        found = said.combined([c for c in seen if c is not None])
+        found = controller_in(sample, code, loops.get(name, Loop(name=name)))
         if found is None:
             continue
         if found.said in {said.CONTRADICTED, said.NOT_LINEAR}:

@@ -281,13 +281,19 @@ class Engine:
 
     # -- the loop as it stands --------------------------------------------------------------------
 
-    def row(self, row: int) -> LoopRow:
-        """Return a loop's current row: its verdict, and its health so far."""
+    def row(self, row: int, units: str | None = None) -> LoopRow:
+        """Return a loop's current row: its verdict, and its health so far.
+
+        Parameters
+        ----------
+        units
+            What its samples show of SP being in another unit than PV; None: nothing.
+        """
         state = self.detector.state[row]
         moves = {name: int(state["moves"][name]) for name in FATES}
         period, dead_band = float(state["clock"]["period"]), self.reporting.dead_band(row)
         signs = self._diagnoses.signs(row)
-        return self._row(row, self.detector.health[row], period, dead_band, signs, moves)
+        return self._row(row, self.detector.health[row], period, dead_band, signs, moves, units)
 
     def _row(
         self,
@@ -297,6 +303,7 @@ class Engine:
         dead_band: float | None,
         signs: Signs,
         moves: Mapping[str, int] | None = None,
+        units: str | None = None,
     ) -> LoopRow:
         """Return a loop's row with its health, period [s], dead band [PV], signs and moves' fates of some moment."""
         history = self._histories.get(row)
@@ -305,7 +312,7 @@ class Engine:
         in_force = InForce(self.loops[row]) if history is None else history.in_force
         if moves is not None:
             tuning = replace(tuning, moves=moves_in_words(moves), led=is_led(moves))
-        return loop_row(in_force, tuning, replace(seen, signs=signs))
+        return loop_row(in_force, tuning, replace(seen, signs=signs, units=units))
 
     def rows(self) -> list[LoopRow]:
         """Return one row for each loop, worst first: by verdict, then by index, then by name."""

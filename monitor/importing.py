@@ -1,6 +1,7 @@
 """``loopsight import``: how an export is understood, to be looked at and corrected before anything is judged.
 
-Writes ``mapping.toml``, which ``audit`` and ``check`` take by ``--map``, and a loop table to be completed.
+Writes ``mapping.toml``, which ``audit`` and ``check`` take by ``--map``, and a loop table to be completed. What is
+guessed or seen stands there as a remark: until someone who knows has confirmed it, the audit goes by the data.
 """
 
 from __future__ import annotations
@@ -22,29 +23,31 @@ from monitor.adapters.historian.reading import reading_of, tag_of, unused_of
 from monitor.adapters.historian.rows import Tally, UnusableError
 from monitor.adapters.historian.source import Source
 from monitor.audit.inputs import Inputs, find
+from monitor.check_controller import Sample, controller_in
+from monitor.contract.loops import Loop
 from monitor.contract.samples import QUALITY_UNCERTAIN, Samples
-from monitor.contract.text import visible
+from monitor.contract.text import inert, visible
 from monitor.contract.times import iso
 
 FORMATS = {DAY_FIRST: "%d/%m/%Y %H:%M:%S", MONTH_FIRST: "%m/%d/%Y %H:%M:%S", YEAR_FIRST: "%Y/%m/%d %H:%M:%S"}
 MOST_SHOWN_FILES = 3
 """Files read alike of which the reading is printed."""
 OP_PERCENT = (0.0, 100.0)
-"""[OP] Range that is taken for granted where all outputs lie within it and more than one of them is above 1.5."""
+"""[OP] Range that is guessed where all outputs lie within it and more than one of them is above 1.5."""
 LEAST_PERCENT = 1.5
 """[OP] Below it an output may be a share from 0 to 1."""
 INTEGRATING_LETTERS = ("L",)
 """First letters of tags by ISA-5.1 whose process is guessed to be integrating: level."""
-HEADINGS = (
-    "name",
-    "process",
-    "op_low",
-    "op_high",
-    "#process_is",
-    "#pv_seen",
-    "#op_seen",
-    "#period_s",
-    "#samples",
+MOST_CONTROLLERS = 200
+"""Loops whose settings are looked for: a tenth of a second each. The audit finds those of all."""
+COLUMNS = ("name", "process", "op_low", "op_high", "kp", "ti", "td")
+REMARKS = (
+    *("#process_guess", "#op_range_guess", "#kp_seen", "#ti_seen", "#td_seen"),
+    *("#pv_seen", "#op_seen", "#period_s", "#samples"),
+)
+HOW_TO_COMPLETE = (
+    "loops.csv: what is guessed or seen stands in columns that begin with #, and is not used; put what is right into "
+    "process, op_low, op_high, kp [OP/PV], ti [s], td [s]"
 )
 
 
@@ -59,6 +62,8 @@ class Seen:
     """[s]"""
     sample: tuple[int, float, float, float, bool] | None = None
     """Time [ns since 1970], SP, PV, OP, automatic: its first good one."""
+    settings: tuple[float, float, float] | None = None
+    """kp [OP/PV], ti, td [s] of the controller as OP shows it."""
 
     def take(self, samples: Samples) -> None:
         """Take in samples of this loop, good and bad."""
@@ -140,6 +145,7 @@ def run_import(
     )
     write_text(out / "mapping.toml", mapping_text(mapping_of(inputs.sources), visible_lines(about)))
     write_text(out / "loops.csv", loop_table_text(seen))
+    lines.append(HOW_TO_COMPLETE)
     return Imported(0, lines, problems, [out / "mapping.toml", out / "loops.csv"])
 
 
@@ -160,11 +166,19 @@ def _seen(inputs: Inputs, span: Span, tally: Tally) -> dict[str, Seen]:
 
 def _kept(batches: Iterable[Samples], names: list[str]) -> dict[str, Seen]:
     seen = {name: Seen() for name in names}
+    sample = Sample()
     for samples in batches:
         order = np.argsort(samples.loop, kind="stable")
         codes, starts = np.unique(samples.loop[order], return_index=True)
         for code, rows in zip(codes, np.split(order, starts[1:]), strict=True):
-            seen[names[int(code)]].take(samples.take(rows))
+            own = samples.take(rows)
+            seen[names[int(code)]].take(own)
+            if code < MOST_CONTROLLERS:
+                sample.add(int(code), own)
+    for code, name in enumerate(names[:MOST_CONTROLLERS]):
+        found = controller_in(sample, code, Loop(name=name))
+        if found is not None and found.settings is not None:
+            seen[name].settings = (found.kp.value, found.ti.value, found.td.value)
     return seen
 
 
@@ -224,30 +238,32 @@ def mapping_of(sources: Sequence[Source]) -> ExportMapping:
 
 
 def loop_table_text(seen: dict[str, Seen]) -> str:
-    """Return a loop table: names, the kind of process as the tag's letter suggests it, ranges.
+    """Return a loop table of names to be completed, with what is guessed and seen as remarks.
 
     Columns that begin with ``#`` are remarks, and not read.
     """
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(HEADINGS)
+    writer = csv.DictWriter(text, (*COLUMNS, *REMARKS), restval="", lineterminator="\n")
+    writer.writeheader()
     for name, found in seen.items():
-        guess = name.upper().startswith(INTEGRATING_LETTERS) and any(c.isdigit() for c in name)
-        low, high = found.op
-        percent = OP_PERCENT[0] <= low and high <= OP_PERCENT[1] and high > LEAST_PERCENT
-        writer.writerow(
-            [
-                name,
-                "integrating" if guess else "auto",
-                *(OP_PERCENT if percent else ("", "")),
-                "a guess from the tag's first letter" if guess else "told by the data",
-                _range(found.pv),
-                _range(found.op),
-                "" if np.isnan(found.period) else f"{found.period:g}",
-                found.n,
-            ]
-        )
+        writer.writerow({"name": inert(name), "process": "auto", **_remarks(name, found)})
     return text.getvalue()
+
+
+def _remarks(name: str, found: Seen) -> dict[str, object]:
+    level = name.upper().startswith(INTEGRATING_LETTERS) and any(c.isdigit() for c in name)
+    low, high = found.op
+    percent = OP_PERCENT[0] <= low and high <= OP_PERCENT[1] and high > LEAST_PERCENT
+    settings = found.settings or ()
+    return {
+        "#process_guess": "integrating (the tag's first letter)" if level else "",
+        "#op_range_guess": _range(OP_PERCENT) if percent else "",
+        **{f"#{k}_seen": f"{v:.4g}" for k, v in zip(("kp", "ti", "td"), settings, strict=False)},
+        "#pv_seen": _range(found.pv),
+        "#op_seen": _range(found.op),
+        "#period_s": "" if np.isnan(found.period) else f"{found.period:g}",
+        "#samples": found.n,
+    }
 
 
 def _range(seen: tuple[float, float]) -> str:

@@ -44,7 +44,7 @@ STATIONS: dict[str, tuple[str, ...]] = {
     ),
     "compare": ("contract", "adapters", "report"),
     "audit": ("compiled", "contract", "engine", "verdict", "adapters", "report", "compare"),
-    "importing": ("contract", "adapters", "audit"),
+    "importing": ("contract", "adapters", "audit", "check_controller"),
     "check": ("contract", "advise", "adapters", "service.config", "check_controller"),
     "check_controller": ("contract", "detect.event", "identify"),
     "cli": ("tuners", *CORE, "wire", "adapters", "service", "audit", "compare", "view", "check", "importing"),
@@ -87,6 +87,7 @@ HOMES: dict[str, set[str]] = {
     "pandas": {
         "monitor/adapters/loop_table.py",
         *(f"monitor/adapters/historian/{n}.py" for n in ("cells", "clock")),
+        *(f"sim_plants/{n}.py" for n in ("export", "export_layouts")),
     },
     "python_calamine": {"monitor/adapters/historian/excel_files.py"},
     "click": {

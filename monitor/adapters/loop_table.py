@@ -10,6 +10,7 @@ from typing import Any
 from monitor.contract.loop_fields import TABLE_COLUMNS, known_forms, parse_row
 from monitor.contract.loops import LoopTable, LoopTableError
 from monitor.contract.table_words import unknown_column
+from monitor.contract.text import as_named
 
 # ---------------------------------------------------------------------------------------------------
 # files
@@ -85,4 +86,4 @@ def _rows(path: Path) -> list[tuple[int, dict[str, Any]]]:
         if reader.fieldnames is None or "name" not in [f.strip() for f in reader.fieldnames]:
             raise ValueError(f"no column `name` in its header, expected some of {', '.join(TABLE_COLUMNS)}")
         reader.fieldnames = [f.strip() for f in reader.fieldnames]
-        return [(reader.line_num, row) for row in reader]
+        return [(reader.line_num, {**row, "name": as_named(row["name"] or "")}) for row in reader]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from monitor.adapters.historian.source import ZONED
 from monitor.contract.evidence import Answers, Window
 from monitor.contract.records import TIMES, Assessment, LoopRow, Spell
+from monitor.contract.text import inert
 from monitor.contract.times import iso
 
 from .files import replacing, write_text
@@ -30,7 +31,6 @@ MOST_SHEET_EVENTS = 20_000
 """Events in the workbook, the newest: a sheet of more opens slowly, and takes longer to write than to find out."""
 WHOLE_FROM = 1e6
 """From here on a number is told to the unit: a time, say."""
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def write_tables(
@@ -140,7 +140,7 @@ def _cell(value: Any) -> str:
     if isinstance(value, tuple | list):
         value = ";".join(value)
     if isinstance(value, str):
-        return "'" + value if value.startswith(_FORMULA) else value
+        return inert(value)
     if isinstance(value, float) and abs(value) < WHOLE_FROM:
         return f"{value:.6g}"
     return f"{value:.0f}" if isinstance(value, float) and math.isfinite(value) else repr(value)

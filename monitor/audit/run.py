@@ -32,7 +32,7 @@ from .inputs import Inputs, find, identity
 from .result import PARTS_FOLDER, AuditResult
 from .settings import AuditSettings
 from .silence import Silence, end_of_most
-from .tasks import Part, Progress, plan, run_all
+from .tasks import Part, Progress, cluster, plan, run_all
 
 
 def run_audit(
@@ -63,9 +63,13 @@ def run_audit(
     ValueError
         A setting is not acceptable: one line that names it.
     OSError
-        ``out`` cannot be written to, or the last audit not be read.
+        ``out`` cannot be written to, the last audit not be read, or nobody is there to do the work.
+    ImportError
+        A scheduler is named, and dask.distributed is not installed.
     """
     audit = Audit(Path(out), settings or AuditSettings())
+    if audit.settings.scheduler is not None:
+        cluster(audit.settings.scheduler).close()  # before a large folder is looked at
     audit.find(paths, loops_file)
     audit.run(progress)
     return audit.finish()

@@ -27,7 +27,7 @@ from monitor.contract.evidence import Window
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment, LoopRow, Record, Spell
 from monitor.contract.samples import Samples
-from monitor.contract.unit_mismatch import unit_mismatch
+from monitor.contract.unit_mismatch import lasts, unit_mismatch
 from monitor.engine import Engine
 from monitor.verdict.stale import LastSample
 
@@ -37,6 +37,8 @@ from .spells import Spells
 
 MOST_TASK_ROWS = 50_000_000
 """Rows of a task: what `--resume` loses at most, a second or two of detection."""
+CLUSTER_WAIT_S = 3.0
+"""[s] For a scheduler to answer, and again for it to have a worker: with all imports below ten."""
 
 
 class Part(msgspec.Struct):
@@ -147,6 +149,9 @@ def _run(task: Task, samples: Iterator[Samples], done: Callable[[int], None]) ->
         if (said := unit_mismatch(loop, *firsts.of(row)))
     }
     rows = {loop.name: engine.row(k) for k, loop in enumerate(task.loops)}
+    for k, loop in enumerate(task.loops):
+        if loop.name in units and lasts(rows[loop.name].offset, *firsts.of(k)):
+            rows[loop.name] = engine.row(k, units[loop.name])
     shown = [name for name, row in rows.items() if flagged(row)]
     curves = [c for name in shown for c in curves_of(engine.answers(engine.loops.by_name[name], rows[name]))]
     kept = [*keeper.of(shown), *trends.of(shown)]
@@ -356,13 +361,38 @@ def _in_pool(
 
 
 def _on_cluster(tasks: Mapping[int, Task], scheduler: str) -> Iterator[tuple[int, Part]]:
+    with cluster(scheduler) as client:
+        futures = {client.submit(run_task, task, pure=False): k for k, task in tasks.items()}
+        for future in import_module("distributed").as_completed(list(futures)):
+            yield futures[future], future.result()
+
+
+def cluster(scheduler: str) -> Any:
+    """Return a client of a Dask cluster that has somebody to do the work.
+
+    Raises
+    ------
+    ImportError
+        dask.distributed, an extra, is not installed.
+    OSError
+        No scheduler answers, or it has no worker: one line.
+    """
     try:
-        dask: Any = import_module("distributed")  # an extra
+        dask: Any = import_module("distributed")
     except ImportError:
         raise ImportError(
             "--scheduler: dask.distributed is not installed, expected: pip install 'loopsight[cluster]'"
         ) from None
-    with dask.Client(scheduler) as client:
-        futures = {client.submit(run_task, task, pure=False): k for k, task in tasks.items()}
-        for future in dask.as_completed(list(futures)):
-            yield futures[future], future.result()
+    try:
+        client = dask.Client(scheduler, timeout=CLUSTER_WAIT_S)
+    except (OSError, ValueError, MemoryError) as error:  # the last: what answers speaks another language
+        said = " ".join(str(error).split())
+        raise OSError(f"--scheduler: {scheduler!r}: no Dask scheduler answers there: {said}") from None
+    try:
+        client.wait_for_workers(1, timeout=CLUSTER_WAIT_S)
+    except TimeoutError:
+        client.close()
+        raise OSError(
+            f"--scheduler: {scheduler!r} has no worker, expected some: dask worker {scheduler}"
+        ) from None
+    return client

@@ -11,9 +11,10 @@ from .common import Command, Refused
 
 _HELP = """Read any export and say how it is understood.
 
-EXPORT is a CSV, xlsx or Parquet file of any system, a folder or a glob. DIR receives mapping.toml, to be corrected
-and given to audit and check by --map, and loops.csv, a loop table with the names and what the data show: complete it
-with settings. Exit 2 with one line that says what was not understood and what would help.
+EXPORT is a CSV, xlsx or Parquet file of any system, a folder or a glob. DIR receives mapping.toml, to be
+corrected and given to audit and check by --map, and loops.csv, a loop table with the names. What the data
+show (ranges, settings) and what is guessed stands there in columns that begin with #, which are not read: copy what
+is right. Exit 2 with one line that says what was not understood and what would help.
 
 \b
 Example:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from sim_plants.export_layouts import LAYOUTS
+
 from .common import Command, Refused, parent_option
 
 if TYPE_CHECKING:
@@ -39,22 +41,28 @@ def scenario_loops(name: str, seed: int) -> list[LoopSpec]:
               help="With --out: simulated time.  [h]")  # fmt: skip
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path),
               help="Write an export here instead: data.parquet, loops.csv, truth.csv, truth_events.csv.")  # fmt: skip
+@click.option("--layout", metavar="NAME", type=click.Choice(sorted(LAYOUTS)),
+              help=f"With --out: as a system exports it: {', '.join(sorted(LAYOUTS))}.")  # fmt: skip
 @parent_option
 def simulate(
     loops: int | None, scenario: str | None, plant: Path | None, seed: int, hours: float, out: Path | None,
-    **options: Any,
+    layout: str | None, **options: Any,
 ) -> None:  # fmt: skip
     """Publish simulated loops on Zenoh, or write them as a historian export with the truth beside it."""
+    if layout is not None and out is None:
+        raise Refused("--layout: expected --out DIR beside it")
     specs = _loops(loops, scenario, plant, seed)
     if out is not None:
-        from sim_plants.export import write_export
+        from sim_plants.export import LAYOUT_START, data_name, write_export
+        from sim_plants.loops import DEFAULT_START
 
+        how = LAYOUTS.get(layout or "")
         try:
-            rows = write_export(specs, hours * 3600.0, out)
-        except OSError as error:
+            rows = write_export(specs, hours * 3600.0, out, LAYOUT_START if how else DEFAULT_START, how)
+        except (ValueError, OSError) as error:
             raise Refused(str(error)) from None
-        click.echo(f"{rows:,} samples of {len(specs)} loops, {hours:g} h: {out}/data.parquet, loops.csv, truth.csv, "
-                   "truth_events.csv")  # fmt: skip
+        files = f"{data_name(how)}, loops.csv, truth.csv, truth_events.csv"
+        click.echo(f"{rows:,} samples of {len(specs)} loops, {hours:g} h: {out}/{files}")
         return
     _publish(specs, **options)
 

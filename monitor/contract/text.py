@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 _PUNCTUATION = re.compile(r"([!#$&*+.:<>@\[-`{-~-])")
 
 
@@ -23,6 +24,28 @@ def visible(text: object, most: int | None = None) -> str:
     a\x1b[31mred
     """
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))[:most]
+
+
+def inert(text: str) -> str:
+    """Return text for a CSV: with an apostrophe before what a spreadsheet would run as a formula.
+
+    Examples
+    --------
+    >>> inert("=cmd()"), inert("LIC-101")
+    ("'=cmd()", 'LIC-101')
+    """
+    return "'" + text if text.startswith(_FORMULA) else text
+
+
+def as_named(text: str) -> str:
+    """Return text as it was before `inert`.
+
+    Examples
+    --------
+    >>> as_named("'=A1+LIC"), as_named("'LIC'")
+    ('=A1+LIC', "'LIC'")
+    """
+    return text[1:] if text.startswith("'") and text[1:].startswith(_FORMULA) else text
 
 
 def short(line: str) -> str:

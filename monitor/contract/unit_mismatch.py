@@ -16,6 +16,9 @@ LEAST_RATIO = 5.0
 RATIO_SHARE = 0.25
 """Half the spread of that ratio at most, relative: a PV that is far from its SP wanders, a unit does not."""
 
+LASTING_SHARE = 0.5
+"""Of the error of some samples, from which on the mean error of the record is the same."""
+
 
 def unit_mismatch(loop: Loop, sp: Array, pv: Array) -> str:
     """Say in one line that SP and PV look like different units; empty where they do not.
@@ -46,6 +49,19 @@ def unit_mismatch(loop: Loop, sp: Array, pv: Array) -> str:
     if far and np.mean(np.abs(ratios - middle) <= RATIO_SHARE * abs(middle)) > MOST_SHARE:
         return f"{shown}: other units, by a constant ratio of about {middle:.1g}? {_HELP}"
     return ""
+
+
+def lasts(offset: float | None, sp: Array, pv: Array) -> bool:
+    """Whether the error of some samples is there in the whole record, too: a unit stays, a pump starts.
+
+    Parameters
+    ----------
+    offset
+        Mean error of the whole record [PV]; None where it is not known.
+    sp, pv
+        (N,) samples in automatic [PV].
+    """
+    return offset is not None and abs(offset) >= LASTING_SHARE * abs(float(np.nanmedian(sp - pv)))
 
 
 _HELP = "export both in the same unit"

@@ -79,6 +79,8 @@ class Health:
     """Share of samples at which SP moved."""
     mapping: bool = False
     """Whether the tags look wrongly wired."""
+    units: str | None = None
+    """What shows that SP is in another unit than PV, all the time; None where nothing does."""
     config_change: bool = False
     """Whether SP and PV jumped by the same factor, as if their unit had changed."""
     dead_band: float | None = None

@@ -67,11 +67,9 @@ def stuck(health: Health, _tuning: Tuning, _loop: Loop) -> str:
 
 
 def mapping(health: Health, _tuning: Tuning, _loop: Loop) -> str:
-    return (
-        "the tags look mixed up: PV does not follow OP, or is free of noise while SP is not"
-        if health.mapping
-        else ""
-    )
+    if health.mapping and not health.units:
+        return "the tags look mixed up: PV does not follow OP, or is free of noise while SP is not"
+    return health.units or ""
 
 
 def changed(health: Health, _tuning: Tuning, _loop: Loop) -> str:

@@ -1,14 +1,38 @@
-"""The same samples as plants' systems export them: shapes, names, times, separators, modes, qualities."""
+"""The same samples as plants' systems export them: shapes, names, times, separators, modes, qualities.
+
+The layouts that `loopsight simulate` writes are families by themselves; the others vary what systems leave open.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
 import pandas as pd
+
+from sim_plants.export import data_name, write_layout
+from sim_plants.export_layouts import (
+    LAYOUTS,
+    PLAIN,
+    Layout,
+    Names,
+    at,
+    epoch,
+    modes,
+    naive,
+    pattern,
+    rows_of,
+    suffixes,
+    tag,
+    tall,
+    text,
+    value,
+    wide,
+)
 
 ZONE = "Europe/Berlin"
 LOOPS = ("TIC-7", "LIC-42", "FIC-310")
@@ -18,7 +42,7 @@ AMBIGUOUS = np.datetime64("2026-03-02T07:30:00", "ns").astype(np.int64)
 
 
 def base(n: int = 60, start: int = START, step_s: float = 5.0) -> pd.DataFrame:
-    """Three loops, one in manual; numbers of three decimals; UTC."""
+    """Three loops, one in manual; numbers of three decimals; times in `ZONE`."""
     rng = np.random.default_rng(5)
     parts = []
     for k, name in enumerate(LOOPS):
@@ -35,65 +59,9 @@ def base(n: int = 60, start: int = START, step_s: float = 5.0) -> pd.DataFrame:
                 }
             )
         )
-    return pd.concat(parts, ignore_index=True)
-
-
-def utc(data: pd.DataFrame) -> pd.Series:
-    return pd.to_datetime(data["time"], utc=True)
-
-
-def local(data: pd.DataFrame) -> pd.Series:
-    return utc(data).dt.tz_convert(ZONE).dt.tz_localize(None)
-
-
-Names = Callable[[str], Mapping[str, str]]
-
-
-def suffixes(sp: str, pv: str, op: str, auto: str = "") -> Names:
-    return lambda n: {"sp": n + sp, "pv": n + pv, "op": n + op} | ({"auto": n + auto} if auto else {})
-
-
-PLAIN = suffixes(".SP", ".PV", ".OP", ".MODE")
-
-
-def modes(auto: pd.Series, on: str = "AUTO", off: str = "MAN") -> pd.Series:
-    return auto.map({True: on, False: off})
-
-
-def wide(
-    data: pd.DataFrame, names: Names = PLAIN, heading: str = "Timestamp", times: pd.Series | None = None,
-    on: str = "AUTO", off: str = "MAN",
-) -> pd.DataFrame:  # fmt: skip
-    """A row for each time, a column for each tag."""
-    times = local(data).dt.strftime("%Y-%m-%d %H:%M:%S") if times is None else times
-    out: pd.DataFrame | None = None
-    for name, part in data.assign(t=times).groupby("loop", sort=False):
-        own = pd.DataFrame({heading: part["t"].to_numpy()})
-        for role, tag in names(str(name)).items():
-            own[tag] = (modes(part["auto"], on, off) if role == "auto" else part[role]).to_numpy()
-        out = own if out is None else out.merge(own, on=heading)
-    assert out is not None
-    return out
-
-
-def tall(data: pd.DataFrame, names: Names = PLAIN, on: str = "AUTO", off: str = "MAN") -> pd.DataFrame:
-    """A row for each tag and time: ``tag, at (UTC), value, role, loop``."""
-    parts = []
-    for name, part in data.groupby("loop", sort=False):
-        for role, tag in names(str(name)).items():
-            value = modes(part["auto"], on, off) if role == "auto" else part[role].astype(str)
-            parts.append(
-                pd.DataFrame(
-                    {
-                        "tag": tag,
-                        "at": part["time"].to_numpy(),
-                        "value": value.to_numpy(),
-                        "role": role,
-                        "loop": name,
-                    }
-                )
-            )
-    return pd.concat(parts).sort_values(["at", "tag"], kind="stable", ignore_index=True)
+    data = pd.concat(parts, ignore_index=True)
+    times = pd.to_datetime(data["time"], utc=True).dt.tz_convert(ZONE)
+    return data.assign(time=times, loop=pd.Categorical(data["loop"], LOOPS))
 
 
 @dataclass(frozen=True)
@@ -114,7 +82,7 @@ def csv(make: Callable[[pd.DataFrame], pd.DataFrame], name: str = "export.csv", 
     return write
 
 
-def text(make: Callable[[pd.DataFrame], str], name: str = "export.csv", encoding: str = "utf-8"):
+def lines(make: Callable[[pd.DataFrame], str], name: str = "export.csv", encoding: str = "utf-8"):
     def write(data: pd.DataFrame, folder: Path) -> Path:
         (folder / name).write_text(make(data), encoding=encoding, newline="")
         return folder / name
@@ -122,58 +90,33 @@ def text(make: Callable[[pd.DataFrame], str], name: str = "export.csv", encoding
     return write
 
 
+def simulated(layout: Layout) -> Callable[[pd.DataFrame, Path], Path]:
+    """As `loopsight simulate` writes it."""
+
+    def write(data: pd.DataFrame, folder: Path) -> Path:
+        write_layout([data], layout, folder)
+        return folder / data_name(layout)
+
+    return write
+
+
 def named(names: Names, **how: str) -> Callable[[pd.DataFrame, Path], Path]:
-    return csv(lambda d: wide(d, names, **how))
+    return csv(lambda d: wide(d, names, **how))  # type: ignore[arg-type]
 
 
-def timed(form: str, zone: str | None = ZONE, **names: str) -> Callable[[pd.DataFrame, Path], Path]:
-    def make(d: pd.DataFrame) -> pd.DataFrame:
-        times = utc(d) if zone is None else utc(d).dt.tz_convert(zone)
-        return wide(d, times=times.dt.strftime(form), **names)  # type: ignore[arg-type]
-
-    return csv(make)
+def in_zone(data: pd.DataFrame, zone: str) -> pd.DataFrame:
+    return data.assign(time=data["time"].dt.tz_convert(zone))
 
 
-GERMAN = {"Mar": "Mrz", "May": "Mai", "Oct": "Okt", "Dec": "Dez"}
+def timed(form: str, zone: str = ZONE, heading: str = "Timestamp") -> Callable[[pd.DataFrame, Path], Path]:
+    return csv(lambda d: wide(in_zone(d, zone), heading=heading, times=text(form)))
+
 
 NAMES: dict[str, tuple[Names, dict[str, str]]] = {
-    "ignition": (
-        lambda n: {
-            r: f"[default]Area1/{n}/{w}"
-            for r, w in zip(("sp", "pv", "op", "auto"), ("SP", "PV", "OP", "Mode"), strict=True)
-        },
-        {},
-    ),
-    "site-prefix": (
-        lambda n: {r: f"SITE1:{n}_{w}" for r, w in zip(("sp", "pv", "op"), ("SP", "PV", "OUT"), strict=True)},
-        {},
-    ),
-    "deltav": (
-        lambda n: {
-            r: f"{n}/PID1/{w}"
-            for r, w in zip(
-                ("sp", "pv", "op", "auto"), ("SP.CV", "PV.CV", "OUT.CV", "MODE.ACTUAL"), strict=True
-            )
-        },
-        {},
-    ),
-    "experion": (
-        lambda n: {
-            r: f"{n}.DACA.{w}"
-            for r, w in zip(("sp", "pv", "op", "auto"), ("SP", "PV", "OP", "MODE"), strict=True)
-        },
-        {"on": "CAS", "off": "MAN"},
-    ),
-    "yokogawa": (suffixes(".SV", ".PV", ".MV", ".MODE"), {"on": "AUT", "off": "MAN"}),
-    "foxboro": (suffixes(".SPT", ".MEAS", ".OUT", ".MA"), {}),
-    "foxboro-colon": (lambda n: {"sp": f"AREA:{n}.SPT", "pv": f"AREA:{n}.MEAS", "op": f"AREA:{n}.OUT"}, {}),
-    "siemens": (suffixes(".SP", ".PV_IN", ".LMN"), {}),
-    "rockwell": (suffixes(".SP", ".PV", ".CV"), {}),
+    "site-prefix": (pattern("SITE1:{loop}_{role}", "SP", "PV", "OUT"), {}),
+    "foxboro-colon": (pattern("AREA:{loop}.{role}", "SPT", "MEAS", "OUT"), {}),
     "co": (suffixes("_SP", "_PV", "_CO", "_MODE"), {"on": "1", "off": "0"}),
-    "lower": (
-        lambda n: {r: f"{n}.{r}".lower() for r in ("sp", "pv", "op")} | {"auto": f"{n}.mode".lower()},
-        {},
-    ),
+    "lower": (lambda n: {r: t.lower() for r, t in PLAIN(n).items()}, {}),
     "space": (suffixes(" SP", " PV", " OP", " Mode"), {"on": "Auto", "off": "Manual"}),
     "dash": (suffixes("-SP", "-PV", "-OUT"), {}),
     "slash": (suffixes("/SP", "/PV", "/OP"), {}),
@@ -193,23 +136,19 @@ NAMES: dict[str, tuple[Names, dict[str, str]]] = {
         {"on": "AUTO", "off": "HAND"},
     ),
     "a-m": (suffixes(".SP", ".PV", ".OP", ".A/M"), {"on": "A", "off": "M"}),
-    "auto": (suffixes(".SP", ".PV", ".OP", ".AUTO"), {"on": "1", "off": "0"}),
-    "prefixed": (lambda n: {"sp": f"SP_{n}", "pv": f"PV_{n}", "op": f"OP_{n}", "auto": f"MODE_{n}"}, {}),
-    "server": (lambda n: {r: rf"\\PISRV01\{n}.{r.upper()}" for r in ("sp", "pv", "op")}, {}),
-    "ifix": (lambda n: {r: f"NODE1.{n}_{r.upper()}.F_CV" for r in ("sp", "pv", "op")}, {}),
+    "prefixed": (pattern("{role}_{loop}", "SP", "PV", "OP", "MODE"), {}),
+    "server": (pattern(r"\\\\PISRV01\\{loop}.{role}", "SP", "PV", "OP"), {}),
+    "ifix": (pattern("NODE1.{loop}_{role}.F_CV", "SP", "PV", "OP"), {}),
     "units-in-heading": (suffixes(".SP (%)", ".PV (%)", ".OP [%]"), {}),
-    "trk": (suffixes(".SP", ".PV", ".OP", ".MODE"), {"on": "AUTO", "off": "TRK"}),
-    "oos": (suffixes(".SP", ".PV", ".OP", ".MODE"), {"on": "CAS", "off": "OOS"}),
-    "iman": (suffixes(".SP", ".PV", ".OP", ".MODE"), {"on": "AUTO", "off": "IMAN"}),
-    "target-and-actual": (lambda n: {**PLAIN(n), "auto": f"{n}.MODE.ACTUAL"}, {}),
+    "trk": (PLAIN, {"on": "AUTO", "off": "TRK"}),
+    "oos": (PLAIN, {"on": "CAS", "off": "OOS"}),
+    "iman": (PLAIN, {"on": "AUTO", "off": "IMAN"}),
 }
 
 FORMS = {
-    "dmy-name": "%d-%b-%y %H:%M:%S",
     "dmy-name-upper-ms": "%d-%b-%Y %H:%M:%S.%f",
     "dmy-name-space": "%d %b %Y %H:%M:%S",
     "month-name-first": "%b %d, %Y %I:%M:%S %p",
-    "us": "%m/%d/%Y %I:%M:%S %p",
     "us-24": "%m/%d/%Y %H:%M:%S",
     "us-short": "%m/%d/%y %H:%M:%S",
     "uk": "%d/%m/%Y %H:%M:%S",
@@ -223,21 +162,18 @@ FORMS = {
     "compact-t": "%Y%m%dT%H%M%S",
     "weekday": "%a %d-%b-%Y %H:%M:%S",
     "time-first": "%H:%M:%S %d.%m.%Y",
+    "offset": "%Y-%m-%dT%H:%M:%S%z",
 }
 
 
-def epoch(unit: int) -> Callable[[pd.DataFrame, Path], Path]:
-    return csv(lambda d: wide(d, heading="timestamp", times=d["time"] // unit))
-
-
-def excel_serial(d: pd.DataFrame) -> pd.Series:
-    return (local(d) - pd.Timestamp("1899-12-30")) / pd.Timedelta(days=1)
+def excel_serial(times: pd.Series) -> pd.Series:
+    return (naive(times) - pd.Timestamp("1899-12-30")) / pd.Timedelta(days=1)
 
 
 def date_and_time(form_date: str, form_time: str) -> Callable[[pd.DataFrame, Path], Path]:
     def make(d: pd.DataFrame) -> pd.DataFrame:
-        table = wide(d)
-        t = pd.to_datetime(table.pop("Timestamp"))
+        table = wide(d, times=naive)
+        t = table.pop("Timestamp")
         table.insert(0, "Time", t.dt.strftime(form_time))
         table.insert(0, "Date", t.dt.strftime(form_date))
         return table
@@ -245,29 +181,28 @@ def date_and_time(form_date: str, form_time: str) -> Callable[[pd.DataFrame, Pat
     return csv(make)
 
 
-def tall_csv(make: Callable[[pd.DataFrame], pd.DataFrame], names: Names = PLAIN, **how: object):
-    def write(data: pd.DataFrame, folder: Path) -> Path:
-        rows = tall(data, names)
-        rows["local"] = pd.to_datetime(rows["at"], utc=True).dt.tz_convert(ZONE).dt.tz_localize(None)
-        make(rows).to_csv(folder / "export.csv", index=False, **how)  # type: ignore[call-overload]
-        return folder / "export.csv"
-
-    return write
+def german_months(form: str, march: str, heading: str = "Timestamp") -> Callable[[pd.DataFrame, Path], Path]:
+    return csv(lambda d: wide(d, heading=heading, times=lambda t: text(form)(t).str.replace("Mar", march)))
 
 
-def local_text(rows: pd.DataFrame, form: str = "%Y-%m-%d %H:%M:%S") -> pd.Series:
-    return rows["local"].dt.strftime(form)
+def tall_csv(columns: Mapping[str, object], **how: object) -> Callable[[pd.DataFrame, Path], Path]:
+    return csv(rows_of(columns), **how)
+
+
+LOCAL = at(text("%Y-%m-%d %H:%M:%S"))
+
+
+def utc(rows: pd.DataFrame) -> pd.Series:
+    return rows["time"].dt.tz_convert("UTC")
 
 
 def tag_files(heading: str | None = "Value", nest: bool = False, head: bool = True, quality: bool = False):
     def write(data: pd.DataFrame, folder: Path) -> Path:
-        rows = tall(data)
-        rows["local"] = pd.to_datetime(rows["at"], utc=True).dt.tz_convert(ZONE).dt.tz_localize(None)
-        for (tag, loop, role), own in rows.groupby(["tag", "loop", "role"]):
-            table = pd.DataFrame({"Timestamp": local_text(own), heading or str(tag): own["value"]})
+        for (name, loop, role), own in tall(data).groupby(["tag", "loop", "role"], observed=True):
+            table = pd.DataFrame({"Timestamp": LOCAL(own), heading or str(name): own["value"]})
             if quality:
                 table["Status"] = "Good"
-            path = folder / "tags" / f"{quote(str(tag), safe='')}.csv"
+            path = folder / "tags" / f"{quote(str(name), safe='')}.csv"
             if nest:
                 path = folder / "tags" / str(loop) / f"{'MODE' if role == 'auto' else str(role).upper()}.csv"
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -277,15 +212,12 @@ def tag_files(heading: str | None = "Value", nest: bool = False, head: bool = Tr
     return write
 
 
-def loop_files(columns: Mapping[str, str], suffix: str = ".csv"):
-    def write(data: pd.DataFrame, folder: Path) -> Path:
-        (folder / "loops").mkdir()
-        for name, own in data.assign(time=local(data).dt.strftime("%d.%m.%Y %H:%M:%S")).groupby("loop"):
-            table = own.drop(columns="loop").assign(auto=modes(own["auto"])).rename(columns=dict(columns))
-            table.to_csv(folder / "loops" / f"{name}{suffix}", index=False)
-        return folder / "loops"
+def loop_files(**columns: str) -> Callable[[pd.DataFrame, Path], Path]:
+    def table(data: pd.DataFrame) -> pd.DataFrame:
+        own = data.assign(time=text("%d.%m.%Y %H:%M:%S")(data["time"]), auto=modes(data["auto"]))
+        return own.rename(columns=columns)
 
-    return write
+    return simulated(Layout(table, split="loop"))
 
 
 def xlsx(
@@ -318,10 +250,6 @@ def parquet(make: Callable[[pd.DataFrame], pd.DataFrame], **how: object):
     return write
 
 
-def long(data: pd.DataFrame, **names: str) -> pd.DataFrame:
-    return data.assign(time=utc(data)).rename(columns=names)
-
-
 def with_title(d: pd.DataFrame) -> str:
     return "Plant report,,\nFrom:,14.03.2026 08:00:00,To:,14.03.2026 09:00:00\n\n" + wide(d).to_csv(
         index=False
@@ -348,46 +276,122 @@ def bad_texts(d: pd.DataFrame) -> pd.DataFrame:
 
 
 def target_and_actual(d: pd.DataFrame) -> pd.DataFrame:
-    table = wide(d, NAMES["target-and-actual"][0])
-    for name in LOOPS:
-        table[f"{name}.MODE.TARGET"] = "AUTO"
-    return table
+    table = wide(d, suffixes(".SP", ".PV", ".OP", ".MODE.ACTUAL"))
+    return table.assign(**{f"{name}.MODE.TARGET": "AUTO" for name in LOOPS})
 
+
+def lake_with_words(d: pd.DataFrame) -> pd.DataFrame:
+    names = {"time": "ts", "loop": "equipment", "sp": "SP", "pv": "PV", "op": "CO", "auto": "mode"}
+    return d.assign(auto=modes(d["auto"])).rename(columns=names)
+
+
+TALL: dict[str, Callable[[pd.DataFrame, Path], Path]] = {
+    "wonderware-quality-only": tall_csv({"DateTime": LOCAL, "TagName": tag, "Value": value, "Quality": 0}),
+    "ip21": tall_csv(
+        {
+            "NAME": tag,
+            "IP_TREND_TIME": lambda r: at(text("%d-%b-%y %H:%M:%S.0"))(r).str.upper(),
+            "IP_TREND_VALUE": value,
+            "IP_TREND_QSTATUS": "Good",
+        }
+    ),
+    "proficy-confidence": tall_csv({"tagname": tag, "timestamp": LOCAL, "value": value, "confidence": 100.0}),
+    "ignition-sql": tall_csv(
+        {
+            "tagpath": lambda r: "area/" + r["tag"].str.replace(".", "/"),
+            "floatvalue": value,
+            "dataintegrity": 192,
+            "t_stamp": at(epoch(10**6)),
+        }
+    ),
+    "influx": tall_csv({"time": at(epoch(1)), "series name": tag, "value": value}),
+    "loop-and-variable": tall_csv(
+        {
+            "ts": lambda r: utc(r).astype(str),
+            "asset": lambda r: r["loop"],
+            "variable": lambda r: r["role"].replace("auto", "mode"),
+            "value": value,
+        }
+    ),
+    "tall-german": tall_csv(
+        {
+            "Zeitstempel": at(text("%d.%m.%Y %H:%M:%S")),
+            "Messstelle": tag,
+            "Wert": lambda r: r["value"].str.replace(".", ","),
+            "Status": "Good",
+        },
+        sep=";",
+    ),
+    "tall-tab": tall_csv({"Timestamp": LOCAL, "Tag": tag, "Value": value}, sep="\t"),
+    "tall-by-tag": csv(
+        lambda d: rows_of({"Tag": tag, "Time": LOCAL, "Value": value})(d).sort_values(["Tag", "Time"])
+    ),
+    "xlsx-tall": xlsx(
+        lambda d: rows_of({"Timestamp": at(naive), "tag": tag, "Value": value})(d).assign(
+            Value=lambda t: pd.to_numeric(t["Value"], errors="coerce").astype(object).fillna(t["Value"])
+        )
+    ),
+    "parquet-tall": parquet(rows_of({"timestamp": utc, "tag": tag, "value": value}), index=False),
+    "parquet-tall-numbers": parquet(
+        lambda d: tall(d, on="1", off="0").assign(value=lambda r: r["value"].astype(float))[
+            ["time", "tag", "value"]
+        ],
+        index=False,
+    ),
+    "parquet-tall-category": parquet(
+        rows_of({"timestamp": utc, "tag": lambda r: r["tag"].astype("category"), "value": value}), index=False
+    ),
+}
+
+FILES: dict[str, Callable[[pd.DataFrame, Path], Path]] = {
+    "tag-files": tag_files(),
+    "tag-files-heading": tag_files(heading=None),
+    "tag-files-nested": tag_files(nest=True),
+    "tag-files-no-heading": tag_files(head=False),
+    "tag-files-quality": tag_files(quality=True),
+    "loop-files": loop_files(time="Timestamp", sp="SP", pv="PV", op="OUT", auto="Mode"),
+    "loop-files-words": loop_files(
+        time="Date Time", sp="Set Point", pv="Process Value", op="Output", auto="Mode"
+    ),
+    "loop-files-german": loop_files(
+        time="Zeit", sp="Sollwert", pv="Istwert", op="Stellwert", auto="Betriebsart"
+    ),
+    "xlsx-text-times": xlsx(wide),
+    "xlsx-title": xlsx(lambda d: wide(d, times=naive), rows_above=3),
+    "xlsx-second-sheet": xlsx(lambda d: wide(d, times=naive), sheets=True),
+    "xlsx-units": xlsx(lambda d: wide(d, times=naive), units=True),
+    "xlsx-serial": xlsx(lambda d: wide(d, times=excel_serial)),
+    "lake-auto-word": parquet(lake_with_words, index=False),
+    "parquet-index": parquet(lambda d: wide(in_zone(d, "UTC"), times=lambda t: t).set_index("Timestamp")),
+    "parquet-unnamed-index": parquet(
+        lambda d: wide(d, times=lambda t: t).set_index("Timestamp").rename_axis(None)
+    ),
+    "parquet-naive": parquet(lambda d: wide(d, times=naive), index=False),
+    "parquet-strings": parquet(lambda d: wide(d).astype(str), index=False),
+}
 
 FAMILIES: dict[str, Family] = {
+    **{f"layout-{name}": Family(simulated(layout)) for name, layout in LAYOUTS.items()},
     **{
         f"names-{key}": Family(named(names, **how), "auto" in names("X-1"))
         for key, (names, how) in NAMES.items()
-        if key != "target-and-actual"
     },
     "names-target-and-actual": Family(csv(target_and_actual)),
     **{f"time-{key}": Family(timed(form)) for key, form in FORMS.items()},
-    "time-offset": Family(timed("%Y-%m-%dT%H:%M:%S%z")),
     "time-offset-chicago": Family(timed("%Y-%m-%dT%H:%M:%S%z", "America/Chicago")),
-    "time-z": Family(timed("%Y-%m-%dT%H:%M:%SZ", None)),
-    "time-utc-word": Family(timed("%d-%b-%Y %H:%M:%S UTC", None)),
-    "time-german-month": Family(
-        csv(
-            lambda d: wide(
-                d,
-                heading="Zeitstempel",
-                times=local(d).dt.strftime("%d. %b %Y %H:%M:%S").str.replace("Mar", "März"),
-            )
-        )
-    ),
-    "time-german-short": Family(
-        csv(lambda d: wide(d, times=local(d).dt.strftime("%d-%b-%y %H:%M:%S").str.replace("Mar", "Mrz")))
-    ),
+    "time-z": Family(timed("%Y-%m-%dT%H:%M:%SZ", "UTC")),
+    "time-utc-word": Family(timed("%d-%b-%Y %H:%M:%S UTC", "UTC")),
+    "time-german-month": Family(german_months("%d. %b %Y %H:%M:%S", "März", "Zeitstempel")),
+    "time-german-short": Family(german_months("%d-%b-%y %H:%M:%S", "Mrz")),
     **{
-        f"epoch-{unit}": Family(epoch(scale))
+        f"epoch-{unit}": Family(csv(partial(wide, heading="timestamp", times=epoch(scale))))
         for unit, scale in (("s", 10**9), ("ms", 10**6), ("us", 10**3), ("ns", 1))
     },
-    "excel-serial": Family(csv(lambda d: wide(d, times=excel_serial(d)))),
+    "excel-serial": Family(csv(partial(wide, times=excel_serial))),
     "date-time-german": Family(date_and_time("%d.%m.%Y", "%H:%M:%S")),
     "date-time-us": Family(date_and_time("%m/%d/%Y", "%I:%M:%S %p")),
     "date-time-iso": Family(date_and_time("%Y-%m-%d", "%H:%M:%S")),
     "days-run": Family(timed("%d/%m/%Y %H:%M:%S"), start=AMBIGUOUS, step_s=7200.0),
-    "semicolon-comma": Family(csv(wide, sep=";", decimal=",", encoding="utf-8-sig")),
     "semicolon-point": Family(csv(wide, sep=";")),
     "tab": Family(csv(wide, "export.txt", sep="\t")),
     "tab-comma-tsv": Family(csv(wide, "export.tsv", sep="\t", decimal=",")),
@@ -398,228 +402,11 @@ FAMILIES: dict[str, Family] = {
     "cp1252": Family(csv(lambda d: wide(d, NAMES["german-long"][0]), encoding="cp1252")),
     "crlf": Family(csv(wide, lineterminator="\r\n")),
     "quoted": Family(csv(wide, quoting=1)),
-    "titles": Family(text(with_title)),
-    "units": Family(text(with_units)),
-    "sep-line": Family(text(lambda d: "sep=;\n" + wide(d).to_csv(index=False, sep=";"))),
-    "two-heading-rows": Family(text(two_heading_rows), mode=False),
+    "titles": Family(lines(with_title)),
+    "units": Family(lines(with_units)),
+    "sep-line": Family(lines(lambda d: "sep=;\n" + wide(d).to_csv(index=False, sep=";"))),
+    "two-heading-rows": Family(lines(two_heading_rows), mode=False),
     "bad-texts": Family(csv(bad_texts)),
     "extra-columns": Family(csv(lambda d: wide(d).assign(ambient=20.5, comment="x"))),
-    "wonderware": Family(
-        tall_csv(
-            lambda r: pd.DataFrame(
-                {
-                    "DateTime": local_text(r, "%Y-%m-%d %H:%M:%S.%f").str[:-3],
-                    "TagName": r["tag"],
-                    "Value": r["value"],
-                    "Quality": 0,
-                    "QualityDetail": 192,
-                    "OPCQuality": 192,
-                }
-            )
-        )
-    ),
-    "wonderware-quality-only": Family(
-        tall_csv(
-            lambda r: pd.DataFrame(
-                {"DateTime": local_text(r), "TagName": r["tag"], "Value": r["value"], "Quality": 0}
-            )
-        )
-    ),
-    "ip21": Family(
-        tall_csv(
-            lambda r: pd.DataFrame(
-                {
-                    "NAME": r["tag"],
-                    "IP_TREND_TIME": local_text(r, "%d-%b-%y %H:%M:%S.0").str.upper(),
-                    "IP_TREND_VALUE": r["value"],
-                    "IP_TREND_QSTATUS": "Good",
-                }
-            )
-        )
-    ),
-    "proficy": Family(
-        tall_csv(
-            lambda r: pd.DataFrame(
-                {
-                    "Tagname": r["tag"],
-                    "TimeStamp": local_text(r, "%m/%d/%Y %I:%M:%S %p"),
-                    "Value": r["value"],
-                    "Quality": 100,
-                }
-            )
-        )
-    ),
-    "proficy-confidence": Family(
-        tall_csv(
-            lambda r: pd.DataFrame(
-                {"tagname": r["tag"], "timestamp": local_text(r), "value": r["value"], "confidence": 100.0}
-            )
-        )
-    ),
-    "pi-web": Family(
-        tall_csv(
-            lambda r: pd.DataFrame(
-                {
-                    "Path": "\\\\PI\\" + r["tag"],
-                    "Timestamp": pd.to_datetime(r["at"], utc=True).dt.strftime("%Y-%m-%dT%H:%M:%SZ"),
-                    "Value": r["value"],
-                    "Good": True,
-                    "Questionable": False,
-                    "Substituted": False,
-                    "UnitsAbbreviation": "%",
-                }
-            )
-        )
-    ),
-    "ignition-tall": Family(
-        tall_csv(
-            lambda r: pd.DataFrame(
-                {
-                    "path": "[default]Area1/" + r["tag"].str.replace(".", "/"),
-                    "value": r["value"],
-                    "quality": 192,
-                    "timestamp": r["at"] // 10**6,
-                }
-            )
-        )
-    ),
-    "ignition-sql": Family(
-        tall_csv(
-            lambda r: pd.DataFrame(
-                {
-                    "tagpath": "area/" + r["tag"].str.replace(".", "/"),
-                    "floatvalue": r["value"],
-                    "dataintegrity": 192,
-                    "t_stamp": r["at"] // 10**6,
-                }
-            )
-        )
-    ),
-    "influx": Family(
-        tall_csv(lambda r: pd.DataFrame({"time": r["at"], "series name": r["tag"], "value": r["value"]}))
-    ),
-    "loop-and-variable": Family(
-        tall_csv(
-            lambda r: pd.DataFrame(
-                {
-                    "ts": pd.to_datetime(r["at"], utc=True).astype(str),
-                    "asset": r["loop"],
-                    "variable": r["role"].replace("auto", "mode"),
-                    "value": r["value"],
-                }
-            )
-        )
-    ),
-    "tall-german": Family(
-        tall_csv(
-            lambda r: pd.DataFrame(
-                {
-                    "Zeitstempel": local_text(r, "%d.%m.%Y %H:%M:%S"),
-                    "Messstelle": r["tag"],
-                    "Wert": r["value"].str.replace(".", ","),
-                    "Status": "Good",
-                }
-            ),
-            sep=";",
-        )
-    ),
-    "tall-tab": Family(
-        tall_csv(
-            lambda r: pd.DataFrame({"Timestamp": local_text(r), "Tag": r["tag"], "Value": r["value"]}),
-            sep="\t",
-        )
-    ),
-    "tall-by-tag": Family(
-        tall_csv(
-            lambda r: pd.DataFrame({"Tag": r["tag"], "Time": local_text(r), "Value": r["value"]}).sort_values(
-                ["Tag", "Time"]
-            )
-        )
-    ),
-    "tag-files": Family(tag_files()),
-    "tag-files-heading": Family(tag_files(heading=None)),
-    "tag-files-nested": Family(tag_files(nest=True)),
-    "tag-files-no-heading": Family(tag_files(head=False)),
-    "tag-files-quality": Family(tag_files(quality=True)),
-    "loop-files": Family(
-        loop_files({"time": "Timestamp", "sp": "SP", "pv": "PV", "op": "OUT", "auto": "Mode"})
-    ),
-    "loop-files-words": Family(
-        loop_files(
-            {"time": "Date Time", "sp": "Set Point", "pv": "Process Value", "op": "Output", "auto": "Mode"}
-        )
-    ),
-    "loop-files-german": Family(
-        loop_files(
-            {"time": "Zeit", "sp": "Sollwert", "pv": "Istwert", "op": "Stellwert", "auto": "Betriebsart"}
-        )
-    ),
-    "xlsx": Family(xlsx(lambda d: wide(d, times=local(d)))),
-    "xlsx-text-times": Family(xlsx(wide)),
-    "xlsx-title": Family(xlsx(lambda d: wide(d, times=local(d)), rows_above=3)),
-    "xlsx-second-sheet": Family(xlsx(lambda d: wide(d, times=local(d)), sheets=True)),
-    "xlsx-units": Family(xlsx(lambda d: wide(d, times=local(d)), units=True)),
-    "xlsx-serial": Family(xlsx(lambda d: wide(d, times=excel_serial(d)))),
-    "xlsx-tall": Family(
-        xlsx(
-            lambda d: tall(d).assign(
-                Timestamp=lambda r: (
-                    pd.to_datetime(r["at"], utc=True).dt.tz_convert(ZONE).dt.tz_localize(None)
-                ),
-                Value=lambda r: (
-                    pd.to_numeric(r["value"], errors="coerce")
-                    .astype(object)
-                    .where(r["role"] != "auto", r["value"])
-                ),
-            )[["Timestamp", "tag", "Value"]]
-        )
-    ),
-    "lake": Family(
-        parquet(
-            lambda d: long(
-                d, time="event_ts", loop="asset", sp="setpoint", pv="process_value", op="controller_output"
-            ),
-            index=False,
-        )
-    ),
-    "lake-auto-word": Family(
-        parquet(
-            lambda d: long(d, time="ts", loop="equipment", sp="SP", pv="PV", op="CO").assign(
-                mode=lambda t: modes(t.pop("auto"))
-            ),
-            index=False,
-        )
-    ),
-    "parquet-index": Family(parquet(lambda d: wide(d, times=utc(d)).set_index("Timestamp"))),
-    "parquet-unnamed-index": Family(
-        parquet(lambda d: wide(d, times=utc(d)).set_index("Timestamp").rename_axis(None))
-    ),
-    "parquet-naive": Family(parquet(lambda d: wide(d, times=local(d)), index=False)),
-    "parquet-strings": Family(parquet(lambda d: wide(d).astype(str), index=False)),
-    "parquet-tall": Family(
-        parquet(
-            lambda d: tall(d).assign(timestamp=lambda r: pd.to_datetime(r["at"], utc=True))[
-                ["timestamp", "tag", "value"]
-            ],
-            index=False,
-        )
-    ),
-    "parquet-tall-numbers": Family(
-        parquet(
-            lambda d: tall(d, on="1", off="0").assign(
-                timestamp=lambda r: pd.to_datetime(r["at"], utc=True),
-                value=lambda r: r["value"].astype(float),
-            )[["timestamp", "tag", "value"]],
-            index=False,
-        )
-    ),
-    "parquet-tall-category": Family(
-        parquet(
-            lambda d: tall(d).assign(
-                timestamp=lambda r: pd.to_datetime(r["at"], utc=True),
-                tag=lambda r: r["tag"].astype("category"),
-            )[["timestamp", "tag", "value"]],
-            index=False,
-        )
-    ),
+    **{name: Family(write) for name, write in {**TALL, **FILES}.items()},
 }

@@ -11,6 +11,7 @@ HOSTILE = [
     "\u202eLIC\u2066-1",
     "| x | **b** | [l](http://x) `c`",
     "tab\there\nline",
+    "\x1b]0;owned\x07\x1b[2JLIC",
     "",
     "ü" * 100,
     "\ud800",

@@ -62,7 +62,7 @@ def test_no_rows_still_make_tables(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["../../etc/x", "<script>", "=cmd()", "a/*/b", "\u202egnp.exe", "[bold]x", "a\x1b[2Jb"]
+    "name", ["../../etc/x", "<script>", "=cmd()", "a/*/b", "\u202egnp.exe", "[bold]x", "a\x1b[2Jb", "a\x07b"]
 )
 def test_hostile_names_pass_as_data(tmp_path: Path, name: str) -> None:
     data = step_test(name).assign(time=lambda d: d["time"] / 1e9)

@@ -94,3 +94,19 @@ def test_resume_takes_over_what_is_done(
     assert len(done) == 2
     # other settings, other parts
     assert len({t.identity(v) for t in again for v in ("1", "2")}) == 4
+
+
+def test_a_set_point_in_another_unit_has_no_verdict(
+    fleet_data: pd.DataFrame, table: Path, tmp_path: Path
+) -> None:
+    """SP in metres, PV in per cent: named in the row, and nothing is suggested; the others are judged."""
+    wrong = fleet_data["loop"] == "LIC-0"
+    fleet_data.assign(sp=fleet_data["sp"].where(~wrong, fleet_data["sp"] * 0.032)).to_parquet(
+        tmp_path / "d.parquet"
+    )
+    rows = {r.loop: r for r in run_audit([tmp_path / "d.parquet"], table, tmp_path / "out").rows}
+    assert rows["LIC-0"].verdict == "inconclusive"
+    assert "SP is 1.6 where PV is 50" in rows["LIC-0"].reason
+    assert "mapping_suspect" in rows["LIC-0"].flags
+    assert rows["LIC-0"].new_kp is None
+    assert not [r for r in rows.values() if r.loop != "LIC-0" and "mapping_suspect" in r.flags]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor.contract.loops import Loop
-from monitor.contract.unit_mismatch import unit_mismatch
+from monitor.contract.unit_mismatch import lasts, unit_mismatch
 
 PV = 50 + np.sin(np.arange(100.0))
 
@@ -27,3 +27,11 @@ def test_an_error_is_none(sp: float) -> None:
 def test_a_pv_far_off_that_wanders_is_none_and_few_samples_tell_nothing() -> None:
     assert not unit_mismatch(Loop(name="A"), np.full(100, 500.0), np.linspace(1, 400, 100))
     assert not unit_mismatch(Loop(name="A"), np.full(5, 1500.0), PV[:5])
+
+
+def test_a_unit_stays_and_a_pump_starts() -> None:
+    """The error of the first samples is that of the whole record, or is gone; not known is no."""
+    sp = np.append(np.full(99, 1500.0), np.nan)
+    assert lasts(-1450.0, sp, PV)
+    assert not lasts(2.0, sp, PV)
+    assert not lasts(None, sp, PV)

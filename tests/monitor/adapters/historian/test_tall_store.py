@@ -17,7 +17,7 @@ from tests.support.export_families import FAMILIES, ZONE, base
 from tests.support.samples import join
 
 
-@pytest.mark.parametrize("family", ["ip21", "tag-files", "wonderware"])
+@pytest.mark.parametrize("family", ["ip21", "tag-files", "layout-wonderware"])
 def test_in_parts_or_whole_it_is_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, family: str
 ) -> None:

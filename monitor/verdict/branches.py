@@ -278,6 +278,8 @@ def silent(health: Health, tuning: Tuning, loop: Loop) -> str:
         return ""
     if tuning.verdict in (GOOD, RETUNE):  # events have shown how PV answers
         return ""
+    if programme(health, tuning, loop) or slave(health, tuning, loop):  # a ramp's error stays as long as the ramp
+        return ""
     if loop.kp is not None and math.isinf(loop.ti):  # OP stands still where PV does
         return ""
     time = duration(health.signs.silent_time)
@@ -301,7 +303,8 @@ def without_integral(health: Health, _tuning: Tuning, loop: Loop) -> str:
         return ""
     if not health.settled_offset:
         away, noise = _of(health.mean_abs_e), max(_of(health.noise), _of(health.quantum))
-        off = noise > 0.0 and away > AWAY_SD * noise
+        free = _of(health.saturation) <= TOUCHES_LIMIT_SHARE
+        off = free and noise > 0.0 and away > AWAY_SD * noise
         said = f"PV is {away:.3g} [PV] away from the set point in the mean: the controller has no integral action"
         return said if off else ""
     return f"PV stays {_of(health.offset):+.3g} [PV] away from the set point: the controller has no integral action"

@@ -276,9 +276,8 @@ def silent(health: Health, tuning: Tuning, loop: Loop) -> str:
     silent = health.signs.silent
     if silent is None or silent.kind == "held" or offset_intended(loop):
         return ""
-    if tuning.verdict in (GOOD, RETUNE):  # events have shown how PV answers
-        return ""
-    if programme(health, tuning, loop) or slave(health, tuning, loop):  # a ramp's error stays as long as the ramp
+    # events have shown how PV answers, or a ramp's error stays as long as the ramp
+    if tuning.verdict in (GOOD, RETUNE) or programme(health, tuning, loop) or slave(health, tuning, loop):
         return ""
     if loop.kp is not None and math.isinf(loop.ti):  # OP stands still where PV does
         return ""

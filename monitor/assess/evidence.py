@@ -14,7 +14,7 @@ from monitor.identify.integrals import setpoint_integrals
 from tuners.models import INTEGRATING, SELF_REGULATING
 
 from .damping import SWING_FLOOR_SD
-from .index import beats_dead_time
+from .index import beats_dead_time, overshoot
 
 LEAST_EVENT_COVERAGE = 0.8
 """Share of an event's time that must be covered by good samples."""
@@ -62,6 +62,8 @@ MOST_REST_ERROR_LN = 0.3
 """Error in ln gain from which the integrals are no check: under noise they lose to the drift of OP's rest."""
 MOST_REST_SHARE = 0.1
 """Of the step, and of OP's integral, by which the rest that the integrals count from may be off."""
+MOST_OVERSHOOT = 2.0
+"""Times the step that PV may go beyond the set point: a loop at the edge of instability goes one step beyond."""
 MANY_UNCERTAIN_SHARE = 0.2
 """Share of an event's samples of uncertain quality from which that is said beside its figures."""
 LEAST_LOAD_FIT = 0.5
@@ -245,6 +247,9 @@ def _against_samples(loop: Loop, event: ClosedEvent) -> list[str]:
         reasons.append(
             f"sampled too coarsely: the response lasts {lasted:.3g} s, the sample period is {event.period:.3g} s"
         )
+    beyond = overshoot(event) if event.kind == SETPOINT_STEP else 0.0
+    if beyond > MOST_OVERSHOOT and beyond * size > STANDS_OUT_SD * event.error_sd:
+        reasons.append(f"PV went {beyond:.3g} times the step beyond the set point: something else moved it")
     offset = event.offset
     # a slow tail, as of an integral time longer than the event, is no rest
     time_enough = loop.kp is None or math.isinf(loop.ti) or event.duration > TAIL_INTEGRAL_TIMES * loop.ti

@@ -59,6 +59,17 @@ def test_evidence_that_cannot_carry_a_verdict(change, facts, word):
     assert engine.row(0).new_kp is None
 
 
+@pytest.mark.parametrize(("times", "named"), [(1.0, False), (3.0, True)])
+def test_no_loop_goes_far_beyond_its_set_point_by_itself(times, named):
+    """At the edge of instability it goes one step beyond."""
+    event = closed_event()
+    w = event.window
+    pv = np.where(np.abs(w.time - w.time[-1] / 2) < 3.0, w.sp + times * event.amplitude, w.pv)
+    event = replace(event, window=replace(w, pv=pv))
+    reasons = evidence_against(LOOP, event, make_fit(), True)
+    assert any("times the step beyond the set point" in reason for reason in reasons) is named
+
+
 def clipped(kp: float, ti: float, high: float) -> Samples:
     """A step of 4 whose OP stands at its limit for most of the rise, where the integral waits."""
     return stepped(2500, kp=kp, ti=ti, noise=0.01, low=0.0, high=high)

@@ -9,9 +9,14 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from monitor.contract.records import RETUNE, Assessment, LoopRow, Record, Suggestion
+from monitor.contract.records import INCONCLUSIVE, RETUNE, Assessment, LoopRow, Record, Suggestion
 from monitor.service.status import Status
 
+_YOUR_OWN = (
+    "With data of your own: [bold]loopsight audit EXPORT --out audit[/] reads what a historian exports and writes "
+    "report.html;\n[bold]loopsight import EXPORT --out import[/] says how it was read, "
+    "[bold]loopsight monitor --help[/] how to watch a plant live."
+)
 COLOURS = {"retune": "bold red", "inconclusive": "yellow", "good": "green", "not_assessed": "dim"}
 
 
@@ -35,9 +40,13 @@ class DemoConsole:
         self._line(f"[bold]ready[/]  {loops} loops at {endpoint}   (Ctrl-C ends)")
 
     def heard(self, record: Record) -> None:
-        """Print a verdict that is another than the loop's last one, or a suggestion."""
+        """Print a verdict that is another than the loop's last one, or a suggestion.
+
+        An event that says nothing takes no verdict back: that is news of a loop only where there was none.
+        """
         if isinstance(record, Assessment):
-            if self._verdicts.get(record.loop) != record.verdict:
+            last = self._verdicts.get(record.loop)
+            if last != record.verdict and (last is None or record.verdict != INCONCLUSIVE):
                 self._verdicts[record.loop] = record.verdict
                 self._line(_verdict(record))
         elif isinstance(record, Suggestion):
@@ -71,6 +80,7 @@ class DemoConsole:
                 escape(row.action if row.verdict == RETUNE else row.reason),
             )
         self._console.print(table)
+        self._line(_YOUR_OWN)
 
     def _line(self, text: str) -> None:
         self._console.print(text, soft_wrap=True)

@@ -33,6 +33,13 @@ def test_a_verdict_once_until_it_changes(show, capsys):
     assert "good" in lines[1]
 
 
+def test_an_event_that_says_nothing_takes_no_verdict_back(show, capsys):
+    """It is said of a loop once, where nothing else is known."""
+    for verdict in ("inconclusive", "retune", "inconclusive", "retune", "inconclusive"):
+        show.heard(assessment(verdict=verdict))
+    assert [("retune" in line) for line in capsys.readouterr().out.splitlines()] == [False, True]
+
+
 def test_a_suggestion_with_its_margin(show, capsys):
     row = LoopRow(loop="L", verdict="retune", action="set kp = 2", new_ms=1.7, new_ms_worst=1.9)
     show.heard(Suggestion(row=row, evidence=("1f",)))

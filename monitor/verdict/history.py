@@ -37,7 +37,7 @@ from .in_force import InForce, change_in_words
 from .joint import joint_of, narrow_together
 from .parts import Tuning, suggested
 from .plan import at_aim, part_of, plan_of
-from .speed import falls_short, indices
+from .speed import falls_short, indices, kindest
 
 MOST_FINDINGS = 20
 """Findings kept for each loop: the newest ones make its verdict, and memory does not grow with history."""
@@ -291,6 +291,7 @@ def _of_model(history: LoopHistory, tuning: Tuning, joint: Fit) -> Tuning:
     speaks = foreseen or any(value is not None for value in ci)
     predicted = indices_to_come(loop, model, ci, ms, period) if speaks and not alone else NO_INDICES
     predicted = usable[0].predicted if alone else predicted
+    predicted = kindest(loop, predicted, (usable[-1].rivals, ci), period)
     damped = [f.damped for f in today if f.damped is not None]
     verdict, reason = judge(loop, model, ci, ms, 0.0, predicted, all(damped) if damped else None)
     if verdict == INCONCLUSIVE and today and today[-1].record.verdict == INCONCLUSIVE:

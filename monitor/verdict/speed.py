@@ -7,7 +7,9 @@ import numpy as np
 from monitor.advise.prediction import predict, references_of
 from monitor.assess.event import Finding
 from monitor.assess.index import index_on
+from monitor.assess.predicted import Indices
 from monitor.assess.reference import model_of, settings_of, structure_and_time
+from monitor.assess.tuning import current_sensitivity, indices_to_come
 from monitor.contract.loops import Loop
 from monitor.contract.records import LOAD, SETPOINT
 from monitor.identify.fit import Fit
@@ -36,6 +38,28 @@ def indices(loop: Loop, joint: Fit, findings: list[Finding]) -> tuple[float | No
             found[kind].append(ci)
     of_setpoint, of_load = (float(np.median(v)) if v else None for v in found.values())
     return of_setpoint, of_load
+
+
+def kindest(
+    loop: Loop, predicted: Indices, beside: tuple[tuple[Fit, ...], Indices], period: float
+) -> Indices:
+    """Return the larger of the indices predicted on a model and on those of the other kind of process.
+
+    A process with a long lag is tuned as such, and on an integrating model looks slow: what an event does not exclude
+    has to agree before a loop is called slow that nothing has shown to be so.
+
+    Parameters
+    ----------
+    beside
+        The models of the other kind that are not excluded; CI_sp and CI_ld as measured.
+    """
+    rivals, ci = beside
+    for model in map(model_of, rivals):
+        other = indices_to_come(loop, model, ci, current_sensitivity(loop, model, period), period)
+        pairs = zip(predicted, other, strict=True)
+        of_setpoint, of_load = (a if a is None or b is None else max(a, b) for a, b in pairs)
+        predicted = of_setpoint, of_load
+    return predicted
 
 
 def falls_short(loop: Loop, joint: Fit, period: float) -> str:

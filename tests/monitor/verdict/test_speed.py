@@ -12,7 +12,7 @@ from monitor.contract.loops import Loop
 from monitor.contract.records import LOAD, SETPOINT
 from monitor.verdict.history import LoopHistory
 from monitor.verdict.in_force import InForce
-from monitor.verdict.speed import falls_short, indices
+from monitor.verdict.speed import falls_short, indices, kindest
 from tests.monitor.assess.tools import assessed
 from tests.support.fits import make_fit
 from tests.support.plants import stepped
@@ -55,6 +55,17 @@ def test_what_the_model_foresees_of_steps_that_nobody_saw(ti, objective, said):
     short = falls_short(Loop(name="L", kp=2.5, ti=ti, objective=objective), fit, 1.0)
     assert said in short
     assert bool(short) == bool(said)
+
+
+def test_a_long_lag_is_no_slow_level():
+    """Tuned for its lag, a loop that may be either kind of process is not called slow as an integrating one."""
+    loop = Loop(name="L", kp=1.61, ti=282.0)
+    lag = make_fit(process="self-regulating", gain=2.46, lag=280.0, dead_time=40.0)
+    assert kindest(loop, (None, 0.38), ((), (0.98, None)), 5.0) == (None, 0.38)
+    of_setpoint, of_load = kindest(loop, (None, 0.38), ((lag,), (0.98, None)), 5.0)
+    assert of_setpoint is None
+    assert of_load is not None
+    assert of_load > 0.6
 
 
 def test_nothing_is_foreseen_without_settings_or_for_a_surge_vessel():

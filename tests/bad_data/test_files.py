@@ -140,6 +140,7 @@ def test_hostile_names_are_data_in_both_ways(clean: Outcome, tmp_path: Path) -> 
             "loops.csv", "data.csv", "data.parquet", "loopsight.sqlite", "loopsight.lock",
             "loops.parquet", "events.parquet", "audit.json", "loops.xlsx", "report.html", "evidence.parquet",
             "answers.parquet",
+            "spells.parquet",
         }  # fmt: skip
     assert {p.name for p in tmp_path.iterdir()} == {str(k) for k in range(len(HOSTILE))}
 

@@ -296,13 +296,13 @@ def near_instability(_health: Health, tuning: Tuning, loop: Loop) -> str:
     return "today's settings are close to instability"
 
 
-def without_integral(health: Health, _tuning: Tuning, loop: Loop) -> str:
+def without_integral(health: Health, tuning: Tuning, loop: Loop) -> str:
     without = loop.kp is not None and math.isinf(loop.ti)
     if not without or offset_intended(loop):
         return ""
     if not health.settled_offset:
         away, noise = _of(health.mean_abs_e), max(_of(health.noise), _of(health.quantum))
-        free = _of(health.saturation) <= TOUCHES_LIMIT_SHARE
+        free = _of(health.saturation) <= TOUCHES_LIMIT_SHARE and tuning.suggested is None
         off = free and noise > 0.0 and away > AWAY_SD * noise
         said = f"PV is {away:.3g} [PV] away from the set point in the mean: the controller has no integral action"
         return said if off else ""

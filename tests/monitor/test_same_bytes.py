@@ -50,7 +50,16 @@ def finished(*given: object) -> float:
     return time.monotonic() - begun
 
 
-@pytest.mark.parametrize(("layout", "jobs"), [(None, 1), (None, 4), ("european", 2), ("one-file-per-tag", 2)])
+@pytest.mark.parametrize(
+    ("layout", "jobs"),
+    [
+        (None, 1),
+        *(
+            pytest.param(*each, marks=pytest.mark.soak)
+            for each in [(None, 4), ("european", 2), ("one-file-per-tag", 2)]
+        ),
+    ],
+)
 def test_killed_at_random_moments_and_resumed(
     export: Path, tmp_path: Path, layout: str | None, jobs: int
 ) -> None:

@@ -140,9 +140,7 @@ def is_explained(fit: Fit, event: ClosedEvent) -> bool:
     """Whether the model leaves nothing but noise: by its share of PV's variance, or by the residuals' size."""
     small = is_small(event)
     if fit.wander is not None:
-        return (
-            not small and not fit.leaves_more and swinging(event) is None
-        )  # what swings is no wandering load
+        return not (small or fit.leaves_more or swinging(event))  # what swings is no wandering load
     like_noise = fit.sigma <= LIKE_NOISE_SD * event.error_sd
     others = fit.sigma > FAR_ABOVE_NOISE_SD * event.noise
     if others:

@@ -65,8 +65,8 @@ def rivals(event: ClosedEvent, shown: Shown) -> tuple[Fit, ...]:
     kind, direct = shown.fit.process, shown.direct
     if len(direct) == 1 and kind == SELF_REGULATING:  # its likelihood is that of a model with two lags, too
         load = event.kind == LOAD_STEP
-        shaped = shown.fit.other is not None or shown.fit.wander is not None
-        other = fit_window(event.window, INTEGRATING, load, event.period, compared=True, other_loads=shaped)
+        beside = shown.fit.beside_loads
+        other = fit_window(event.window, INTEGRATING, load, event.period, compared=True, other_loads=beside)
         direct = [*direct, *([] if other is None else [other])]
     elif len(direct) == 1:
         direct = _both_kinds(event)
@@ -100,14 +100,7 @@ def _identify(loop: Loop, event: ClosedEvent) -> Shown:
     settings = settings_of(loop)
     noisy = best is not None and best.sigma >= NOISY_RANGE_SHARE * float(np.ptp(window.pv))
     unlike = load or not window.rested or event.kind == SETPOINT_RAMP
-    if (
-        best is None
-        or unlike
-        or settings is None
-        or not noisy
-        or best.other is not None
-        or best.wander is not None
-    ):
+    if best is None or unlike or settings is None or not noisy or best.beside_loads:
         return Shown(best, decided, "", direct)
     if op_explained(window, settings, period) < LEAST_OP_EXPLAINED:
         return Shown(best, decided, "", direct)

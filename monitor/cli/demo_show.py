@@ -29,7 +29,7 @@ class DemoConsole:
 
     def preparing(self) -> AbstractContextManager[object]:
         """Say inside that the first run takes a while."""
-        return self._console.status("preparing the fits (the first run compiles them, half a minute)")
+        return self._console.status("preparing the fits (the first run compiles them, two or three minutes)")
 
     def view(self, address: str) -> None:
         """Say where the picture is."""

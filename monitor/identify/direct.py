@@ -62,24 +62,16 @@ def fit_kinds(
     it would explain the wrong kind of process as well. After a set-point step, where a load beside it would be chance,
     the other kind must not explain it either; loads are seldom steps.
     """
-    fits = _fit_all(window, kinds, load, period, other_loads=False)
-    if not fits or not all(fit.leaves_more for fit in fits):
-        return fits
-    if len(kinds) == 1 and not load:
+    compared = len(kinds) > 1
+    looks = [look for kind in kinds if (look := _look(window, kind, load, period, compared=compared))]
+    beside = _leave_more(looks)
+    if beside and not compared and not load:
         other = SELF_REGULATING if kinds[0] == INTEGRATING else INTEGRATING
-        fit = fit_window(window, other, load, period)
-        if fit is not None and not fit.leaves_more:
-            return fits
-    return _fit_all(window, kinds, load, period, other_loads=True)
-
-
-def _fit_all(
-    window: EventWindow, kinds: list[str], load: bool, period: float | None, other_loads: bool
-) -> list[Fit]:
+        look = _look(window, other, load, period, compared=False)
+        beside = look is None or not look.explains or look.more
     fits: list[Fit] = []
-    for kind in kinds:
-        rival = fits[0] if fits else None
-        fit = fit_window(window, kind, load, period, len(kinds) > 1, rival, other_loads)
+    for look in looks if any(look.explains for look in looks) else ():
+        fit = _fitted(window, look, fits[0] if fits else None, other_loads=beside)
         fits += [] if fit is None else [fit]
     return fits
 
@@ -114,21 +106,49 @@ def fit_window(
     Fit or None
         None where OP or PV did not move, or the window is too short to tell (fewer than 12 points).
     """
+    look = _look(window, process, load, period, compared=compared)
+    return None if look is None else _fitted(window, look, rival, other_loads=other_loads)
+
+
+def _look(
+    window: EventWindow, process: str, load: bool, period: float | None, *, compared: bool
+) -> _Look | None:
+    """Look for the best model beside white noise; None where the window shows nothing. As in `fit_window`."""
     if len(window) < LEAST_POINTS:
         return None
     two_lags = compared or process != INTEGRATING
     w = search_window(window, process, load, period, two_lags)
-    found = _explain(w, two_lags, rival, other_loads) if w.shows else None
+    if not w.shows:
+        return None
+    best, single = search(w.blocks, two_lags)
+    mine = best if two_lags else single
+    left = leaves_more(w, mine)
+    gain, _, rss = evaluate(w.blocks, best, np.empty(len(w.blocks.at)))
+    explains = math.isfinite(rss) and math.isfinite(gain) and gain != 0.0
+    return _Look(
+        process, w, two_lags, best, single, left, left or (not w.load and wanders(w, mine)), explains
+    )
+
+
+def _leave_more(looks: list[_Look]) -> bool:
+    """Whether all models that explain something leave more than white noise."""
+    explain = [look.more for look in looks if look.explains]
+    return bool(explain) and all(explain)
+
+
+def _fitted(window: EventWindow, look: _Look, rival: Fit | None, *, other_loads: bool) -> Fit | None:
+    """Go on from the best model beside white noise to a fit; None where OP explains nothing. As in `fit_window`."""
+    found = _explain(look, rival, other_loads=other_loads)
     if found is None:
         return None
-    best, p = found.best, found.best.p
+    process, w, best, p = look.process, found.window, found.best, found.best.p
     model = (best.gain, float(p[P_LAG]), float(p[P_DEAD_TIME]), float(p[P_LAG] * p[P_SHARE]))
-    wander = wander_of(found.window)
-    fit = with_uncertainty(process, model, window.time, window.pv, found.residual, best.scatter, period)
+    wander = wander_of(w)
+    fit = with_uncertainty(process, model, window.time, window.pv, found.residual, best.scatter, w.period)
     fit = replace(
         fit, log_likelihood=found.log_likelihood, n_eff=found.n_eff, valley=best.valley, wander=wander
     )
-    started = w.points.shape == START and found.other is None
+    started = look.window.points.shape == START and found.other is None
     fit = replace(fit, leaves_more=found.leaves_more, start=best.load if started else 0.0)
     if wander is not None:
         return replace(fit, floor=fit.floor * OTHER_LOAD_FLOOR_RATIOS)
@@ -136,7 +156,7 @@ def fit_window(
         floor = fit.floor * OTHER_LOAD_FLOOR_RATIOS
         floor[0] += OTHER_LOAD_LN_GAIN_SD**2 if process == SELF_REGULATING else 0.0
         fit = replace(fit, other=found.other, floor=floor)
-    return replace(fit, size=best.load / best.gain, onset=float(p[P_ONSET])) if load else fit
+    return replace(fit, size=best.load / best.gain, onset=float(p[P_ONSET])) if look.window.load else fit
 
 
 def model_response(window: EventWindow, fit: Fit) -> Array:
@@ -178,6 +198,24 @@ class _Optimum(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class _Look:
+    """The best model of a window beside white noise, before how far others reach is asked."""
+
+    process: str
+    window: SearchWindow
+    two_lags: bool
+    best: Array
+    single: Array
+    """Best parameters, with the lags that were asked for and with one."""
+    left: bool
+    """It leaves more of PV than the noise before the event (`leaves_more`)."""
+    more: bool
+    """So it does, or what it leaves goes on."""
+    explains: bool
+    """OP explains something."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class _Found:
     """The model of a window."""
 
@@ -194,13 +232,11 @@ class _Found:
     leaves_more: bool
 
 
-def _explain(w: SearchWindow, two_lags: bool, rival: Fit | None, other_loads: bool) -> _Found | None:
+def _explain(look: _Look, rival: Fit | None, *, other_loads: bool) -> _Found | None:
     """Find the model of a window and its reach; None where OP explains nothing of PV."""
-    best, single = search(w.blocks, two_lags)
+    w, two_lags, best, single, more = look.window, look.two_lags, look.best, look.single, look.more
     mine = best if two_lags else single
-    left = leaves_more(w, mine)
-    more = left or (not w.load and wanders(w, mine))
-    other = with_other_load(w, mine, EVERY if two_lags else SINGLE) if left and other_loads else None
+    other = with_other_load(w, mine, EVERY if two_lags else SINGLE) if look.left and other_loads else None
     walking = with_wander(w, mine, two_lags) if more and other_loads and not w.load else None
     if walking is not None and (other is None or is_likelier(walking, other)):
         w, best, single = walking

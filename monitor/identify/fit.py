@@ -105,6 +105,11 @@ class Fit:
     """Dead time that the loop's controller adds to the process: PV filter, late OP, half of a slow execution [s]."""
 
     @property
+    def beside_loads(self) -> bool:
+        """Whether part of PV's movement is that of a load: one of another shape, or one that wanders."""
+        return self.other is not None or self.wander is not None
+
+    @property
     def t0(self) -> float:
         """Sum of lags and dead time [s]."""
         return self.lag + self.lag2 + self.dead_time

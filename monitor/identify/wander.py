@@ -70,9 +70,11 @@ def with_wander(w: SearchWindow, p: Array, two_lags: bool) -> Wandering | None:
     two_lags
         A second lag is looked for.
     """
-    walking, best, single = w, p, p
-    for _ in range(2):  # the noise by the model, the model by the noise, and once more
-        walking = _likeliest(w, best)
+    walking = _likeliest(w, p)
+    best, single = search(walking.blocks, two_lags)
+    again = _likeliest(w, best)  # the noise by the model, the model by the noise, and once more
+    if again.blocks.beside != walking.blocks.beside:
+        walking = again
         best, single = search(walking.blocks, two_lags)
     believed = likelihood(walking, best) - likelihood(w, p) >= BELIEVED_LN
     return Wandering(walking, best, single) if believed and was_there_before(walking.blocks, best) else None

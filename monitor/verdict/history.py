@@ -291,7 +291,7 @@ def _of_model(history: LoopHistory, tuning: Tuning, joint: Fit) -> Tuning:
     speaks = foreseen or any(value is not None for value in ci)
     predicted = indices_to_come(loop, model, ci, ms, period) if speaks and not alone else NO_INDICES
     predicted = usable[0].predicted if alone else predicted
-    predicted = kindest(loop, predicted, (usable[-1].rivals, ci), period)
+    predicted = kindest(loop, predicted, ci, usable[-1].rivals, period)
     damped = [f.damped for f in today if f.damped is not None]
     verdict, reason = judge(loop, model, ci, ms, 0.0, predicted, all(damped) if damped else None)
     if verdict == INCONCLUSIVE and today and today[-1].record.verdict == INCONCLUSIVE:

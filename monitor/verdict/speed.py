@@ -40,9 +40,7 @@ def indices(loop: Loop, joint: Fit, findings: list[Finding]) -> tuple[float | No
     return of_setpoint, of_load
 
 
-def kindest(
-    loop: Loop, predicted: Indices, beside: tuple[tuple[Fit, ...], Indices], period: float
-) -> Indices:
+def kindest(loop: Loop, predicted: Indices, ci: Indices, rivals: tuple[Fit, ...], period: float) -> Indices:
     """Return the larger of the indices predicted on a model and on those of the other kind of process.
 
     A process with a long lag is tuned as such, and on an integrating model looks slow: what an event does not exclude
@@ -50,10 +48,11 @@ def kindest(
 
     Parameters
     ----------
-    beside
-        The models of the other kind that are not excluded; CI_sp and CI_ld as measured.
+    ci
+        CI_sp and CI_ld as measured.
+    rivals
+        The models of the other kind that are not excluded.
     """
-    rivals, ci = beside
     for model in map(model_of, rivals):
         other = indices_to_come(loop, model, ci, current_sensitivity(loop, model, period), period)
         pairs = zip(predicted, other, strict=True)

@@ -61,8 +61,8 @@ def test_a_long_lag_is_no_slow_level():
     """Tuned for its lag, a loop that may be either kind of process is not called slow as an integrating one."""
     loop = Loop(name="L", kp=1.61, ti=282.0)
     lag = make_fit(process="self-regulating", gain=2.46, lag=280.0, dead_time=40.0)
-    assert kindest(loop, (None, 0.38), ((), (0.98, None)), 5.0) == (None, 0.38)
-    of_setpoint, of_load = kindest(loop, (None, 0.38), ((lag,), (0.98, None)), 5.0)
+    assert kindest(loop, (None, 0.38), (0.98, None), (), 5.0) == (None, 0.38)
+    of_setpoint, of_load = kindest(loop, (None, 0.38), (0.98, None), (lag,), 5.0)
     assert of_setpoint is None
     assert of_load is not None
     assert of_load > 0.6

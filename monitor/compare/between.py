@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import TypeVar
 
 from monitor.adapters.audit_folder import AuditFolder
 from monitor.contract.changes import MISSING, NEW, OUTCOMES, UNKNOWN, Comparison, LoopChange
-from monitor.contract.records import Assessment, Spell
+from monitor.contract.records import by_loop
 
 from .judge import judge
 
-Found = TypeVar("Found", Assessment, Spell)
 MOST_NAMED = 8
 """Columns that an earlier audit does not have, of which the note names so many."""
 
@@ -20,7 +18,7 @@ MOST_NAMED = 8
 def compare(old: AuditFolder, new: AuditFolder) -> Comparison:
     """Compare two audits, the earlier one first; loops are one where they have one name."""
     rows = {row.loop: row for row in old.rows}
-    events, spells = (_by_loop(a.events) for a in (old, new)), (_by_loop(a.spells) for a in (old, new))
+    events, spells = (by_loop(a.events) for a in (old, new)), (by_loop(a.spells) for a in (old, new))
     (events_old, events_new), (spells_old, spells_new) = events, spells
     loops = []
     for row in new.rows:
@@ -49,13 +47,6 @@ def compare(old: AuditFolder, new: AuditFolder) -> Comparison:
         tuple(_renamed(*names)),
         tuple(notes),
     )
-
-
-def _by_loop(found: Sequence[Found]) -> dict[str, list[Found]]:
-    out: dict[str, list[Found]] = {}
-    for one in found:
-        out.setdefault(one.loop, []).append(one)
-    return out
 
 
 def _renamed(gone: Sequence[str], come: Sequence[str]) -> list[tuple[str, str]]:

@@ -7,6 +7,8 @@ the data cannot carry is None. Times are integer nanoseconds here and take the r
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
+from typing import Protocol, TypeVar
 
 import msgspec
 
@@ -21,6 +23,25 @@ WORST_FIRST = (RETUNE, INCONCLUSIVE, GOOD, NOT_ASSESSED)
 
 TIMES = ("start", "end")
 """Fields that hold times [ns since 1970]."""
+
+
+class OfLoop(Protocol):
+    """What is told of one loop."""
+
+    @property
+    def loop(self) -> str:
+        """The loop's name."""
+
+
+Told = TypeVar("Told", bound=OfLoop)
+
+
+def by_loop(records: Iterable[Told]) -> dict[str, list[Told]]:
+    """Return what is told of loops by their names, in the order of the records."""
+    out: dict[str, list[Told]] = {}
+    for one in records:
+        out.setdefault(one.loop, []).append(one)
+    return out
 
 
 def event_id(loop: str, onset: int) -> str:

@@ -12,6 +12,8 @@ from .records import Assessment, LoopRow
 
 KINDS = ("good", "retune", "valve", "oscillating", "manual", "unclear")
 """What is to be done with a loop; each loop is of one kind."""
+WITH_TREND = ("valve", "oscillating", "manual")
+"""Kinds of loops whose newest samples are shown beside their events; of others, where there are none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, TypeVar
+from typing import Any
 
-from monitor.contract.evidence import Answers, Window
 from monitor.contract.figures import MEANINGS
 from monitor.contract.looks import LOOKS
-from monitor.contract.records import Assessment, LoopRow
-from monitor.contract.summary import KINDS, Contents
+from monitor.contract.records import LoopRow, by_loop
+from monitor.contract.summary import KINDS, WITH_TREND, Contents
 from monitor.contract.text import visible
 
 from .changes import since_of
@@ -19,7 +17,6 @@ from .page import as_json, asset, environment, sha256
 from .section import health_of, section_of
 from .words import facts_of, number
 
-Shown = TypeVar("Shown", Assessment, Window, Answers)
 SHOWN_JOBS, LISTED_JOBS, SHOWN_REMEDIES, SHOWN_NAMES = 10, 100, 8, 6
 """On page one; jobs that are listed a click away, of which all others follow in the table of loops; and so on."""
 MOST_WITH_CHARTS = 800
@@ -27,8 +24,6 @@ MOST_WITH_CHARTS = 800
 any other flagged loop has its words and settings, and the files have all."""
 SECTIONS_WITH_ALL, ALL_WINDOWS, FEW_WINDOWS = 300, 4, 2
 """Worst loops of which all kept windows are inside, how many these are, and how many of the others, the newest."""
-WITH_TREND = ("valve", "oscillating", "manual")
-"""Kinds of loops whose newest samples are shown beside their events; of others, where there are none."""
 SHOWN_EVENTS = 8
 """Newest events in a section's table; `events.parquet` has all."""
 
@@ -72,11 +67,9 @@ def draw(contents: Contents) -> str:
 def _sections(contents: Contents) -> dict[str, dict[str, Any]]:
     """Return the sections of the loops that have something to be looked at: markup and charts, by loop."""
     template = environment().get_template("loop.html.j2")
-    events, windows, answers = (
-        _by_loop(contents.events),
-        _by_loop(contents.windows),
-        _by_loop(contents.answers),
-    )
+    events = by_loop(contents.events)
+    windows = by_loop(contents.windows)
+    answers = by_loop(contents.answers)
     kinds = contents.summary.kinds
     jobs = {name: job for job in contents.summary.jobs for name in job.loops}
     wanted = [r for r in contents.rows if r.loop in windows or kinds[r.loop] != "good"]
@@ -99,14 +92,6 @@ def _sections(contents: Contents) -> dict[str, dict[str, Any]]:
         lean = "\n".join(line for line in map(str.strip, html.splitlines()) if line)
         found[row.loop] = {"html": lean, "health": health_of(row), **charts}
     return found
-
-
-def _by_loop(found: Sequence[Shown]) -> dict[str, list[Shown]]:
-    """Return events, windows or answers by their loop, in their order."""
-    out: dict[str, list[Shown]] = {}
-    for one in found:
-        out.setdefault(one.loop, []).append(one)
-    return out
 
 
 def _index_row(row: LoopRow, kind: str, has_section: bool) -> list[Any]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +14,8 @@ from monitor.adapters.rerun_view.process import RerunProcess
 from monitor.contract.danger import TO_RETUNE, danger
 from monitor.contract.evidence import Answers, Fleet, Pane, Response, Scale, Step, Trend, Window
 from monitor.contract.fleet import ci_and_ms
-from monitor.contract.records import RETUNE, Assessment, LoopRow
-from monitor.contract.summary import Contents
+from monitor.contract.records import RETUNE, Assessment, LoopRow, by_loop
+from monitor.contract.summary import WITH_TREND, Contents
 from monitor.wire.encode import decode_record, encode_record
 
 from . import pages
@@ -25,8 +25,6 @@ DRAWN_LOOPS = 60
 """The worst, with charts of their own: five dozens of tabs. The report has hundreds, and the tables all."""
 LOGGED_EVENTS = 2000
 """The newest."""
-WITH_STRIP = ("valve", "oscillating", "manual")
-"""Kinds of loops whose newest samples are shown beside their events; of others, where there are none."""
 LOOK_EVERY_S = 0.25
 """Between two looks at the viewer [s]."""
 
@@ -52,12 +50,7 @@ def show_drawn(
         Called once all is drawn.
     """
     try:
-        draw = read()
-        recording = picture.open_recording(viewer.proxy if viewer else None, save)
-        try:
-            draw(picture.Picture(recording, live=False))
-        finally:
-            picture.close_recording(recording)
+        _record(read(), viewer.proxy if viewer else None, save)
         ready()
         while viewer is not None and viewer.alive() and not stop.wait(LOOK_EVERY_S):
             pass
@@ -68,9 +61,14 @@ def show_drawn(
 
 def record_audit(contents: Contents, file: Path) -> None:
     """Write a recording of an audit."""
-    recording = picture.open_recording(None, file)
+    _record(partial(draw_audit, contents), None, file)
+
+
+def _record(draw: Draw, proxy: str | None, save: Path | None) -> None:
+    """Draw once, into a viewer, a file, or both."""
+    recording = picture.open_recording(proxy, save)
     try:
-        draw_audit(contents, picture.Picture(recording, live=False))
+        draw(picture.Picture(recording, live=False))
     finally:
         picture.close_recording(recording)
 
@@ -78,18 +76,12 @@ def record_audit(contents: Contents, file: Path) -> None:
 def draw_audit(contents: Contents, on: Drawing) -> None:
     """Draw an audit: its worst loops with charts, all loops in the picture of the fleet, the newest events as lines."""
     kinds = contents.summary.kinds
-    windows, answers, events = (defaultdict(list) for _ in range(3))
-    for window in contents.windows:
-        windows[window.loop].append(window)
-    for answer in contents.answers:
-        answers[answer.loop].append(answer)
-    for event in contents.events:
-        events[event.loop].append(event)
+    windows, answers, events = by_loop(contents.windows), by_loop(contents.answers), by_loop(contents.events)
     seen = [row for row in contents.rows if row.loop in windows and kinds[row.loop] != "good"]
     panes = []
     for row in seen[:DRAWN_LOOPS]:
-        strip = kinds[row.loop] in WITH_STRIP
-        panes.append(_loop(on, row, windows[row.loop], answers[row.loop], events[row.loop], strip=strip))
+        own = windows[row.loop], answers.get(row.loop, ()), events.get(row.loop, ())
+        panes.append(_loop(on, row, *own, strip=kinds[row.loop] in WITH_TREND))
     for event in sorted(contents.events, key=lambda e: e.start)[-LOGGED_EVENTS:]:
         on.log(*pages.log_line(decode_record(encode_record(event))), event.end)
     on.fleet(fleet_of(contents.rows, [kinds[row.loop] for row in contents.rows]))

@@ -87,10 +87,11 @@ def duration(seconds: float) -> str:
 
     Examples
     --------
-    >>> duration(45.0), duration(600.0), duration(9000.0)
-    ('45 s', '10 min', '2.5 h')
+    >>> duration(45.0), duration(600.0), duration(6600.0), duration(9000.0)
+    ('45 s', '10 min', '110 min', '2.5 h')
     """
     for unit, size in (("h", 3600.0), ("min", 60.0)):
         if seconds >= 2.0 * size:
-            return f"{seconds / size:.2g} {unit}"
+            count = seconds / size
+            return f"{count:.0f} {unit}" if count >= 100.0 else f"{count:.2g} {unit}"
     return f"{seconds:.2g} s" if seconds < 10.0 else f"{seconds:.0f} s"

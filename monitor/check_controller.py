@@ -43,10 +43,8 @@ class Sample:
     def watched(self, batches: Iterator[Samples]) -> Iterator[Samples]:
         """Yield the batches as they come, and keep of them what shows the controllers."""
         for samples in batches:
-            order = np.argsort(samples.loop, kind="stable")
-            codes, starts = np.unique(samples.loop[order], return_index=True)
-            for code, rows in zip(codes, np.split(order, starts[1:]), strict=True):
-                self.add(int(code), samples.take(rows))
+            for code, own in samples.by_loop():
+                self.add(code, own)
             yield samples
 
     def windows(self, code: int) -> list[tuple[EventWindow, float]]:

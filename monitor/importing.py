@@ -146,6 +146,10 @@ def run_import(
     write_text(out / "mapping.toml", mapping_text(mapping_of(inputs.sources), visible_lines(about)))
     write_text(out / "loops.csv", loop_table_text(seen))
     lines.append(HOW_TO_COMPLETE)
+    if len(seen) > MOST_CONTROLLERS:
+        lines.append(
+            f"settings were looked for in {MOST_CONTROLLERS} of {len(seen)} loops; the audit finds those of all"
+        )
     return Imported(0, lines, problems, [out / "mapping.toml", out / "loops.csv"])
 
 
@@ -168,13 +172,10 @@ def _kept(batches: Iterable[Samples], names: list[str]) -> dict[str, Seen]:
     seen = {name: Seen() for name in names}
     sample = Sample()
     for samples in batches:
-        order = np.argsort(samples.loop, kind="stable")
-        codes, starts = np.unique(samples.loop[order], return_index=True)
-        for code, rows in zip(codes, np.split(order, starts[1:]), strict=True):
-            own = samples.take(rows)
-            seen[names[int(code)]].take(own)
+        for code, own in samples.by_loop():
+            seen[names[code]].take(own)
             if code < MOST_CONTROLLERS:
-                sample.add(int(code), own)
+                sample.add(code, own)
     for code, name in enumerate(names[:MOST_CONTROLLERS]):
         found = controller_in(sample, code, Loop(name=name))
         if found is not None and found.settings is not None:

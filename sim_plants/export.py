@@ -21,6 +21,7 @@ from sim_plants.truth import EVENT_COLUMNS, TRUTH_COLUMNS, loop_table, truth_eve
 
 LAYOUT_START = DEFAULT_START + 12 * 86_400.0
 """2026-01-13 00:00 UTC [s since 1970]: a day above 12, so that dates of every layout have one reading."""
+TRUTH_FILE = "truth.csv"
 # Rows held in memory and written as one row group.
 _CHUNK_SAMPLES = 1_000_000
 # Rows of a sheet, its headings left out.
@@ -61,10 +62,12 @@ def write_export(
     OSError
         If something cannot be written.
     ValueError
-        More rows than the layout's kind of file takes.
+        More rows than the layout's kind of file takes; or files of somebody else where the samples are to be.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
+    if layout is not None and layout.split:
+        _check_ours(folder, folder / data_name(layout))
     batches = _samples(Simulation(loops, start), seconds)
     if layout is None:
         rows = _write_parquet(batches, folder / "data.parquet")
@@ -73,6 +76,12 @@ def write_export(
     write_rows(folder / "loops.csv", loop_table(loops))
     write_truth(loops, seconds, folder, start)
     return rows
+
+
+def _check_ours(folder: Path, data: Path) -> None:
+    """Refuse a folder of data with files in it that stands beside no truth: no simulation has written it."""
+    if data.is_dir() and any(data.iterdir()) and not (folder / TRUTH_FILE).is_file():
+        raise ValueError(f"{data}: holds files that are no simulation's, expected an empty or a new folder")
 
 
 def data_name(layout: Layout | None) -> str:
@@ -84,7 +93,7 @@ def data_name(layout: Layout | None) -> str:
 
 def write_truth(loops: Sequence[LoopSpec], seconds: float, folder: Path, start: float) -> None:
     """Write `truth.csv`, `truth_events.csv` of the `seconds` [s] from `start` [s since 1970 UTC] on."""
-    write_rows(folder / "truth.csv", truth_rows(loops), TRUTH_COLUMNS)
+    write_rows(folder / TRUTH_FILE, truth_rows(loops), TRUTH_COLUMNS)
     events = truth_events(loops, seconds, start)
     # The onsets as text, like the times in the data: whole microseconds.
     onsets = iso_times(np.array([round(event["onset"] * 1e6) for event in events], np.int64) * 1000)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import NamedTuple, TypeVar
 
@@ -63,6 +63,13 @@ class Samples:
     def take(self, rows: Picked) -> Samples:
         """Return the samples of these rows (index array, mask or slice)."""
         return Samples(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    def by_loop(self) -> Iterator[tuple[int, Samples]]:
+        """Yield the samples of each loop, in their order, beside its row of the loop table."""
+        order = np.argsort(self.loop, kind="stable")
+        codes, starts = np.unique(self.loop[order], return_index=True)
+        for code, rows in zip(codes.tolist(), np.split(order, starts[1:]), strict=True):
+            yield code, self.take(rows)
 
     def columns(self) -> Columns:
         """Return the columns, not copied."""

@@ -78,6 +78,22 @@ def test_an_earlier_export_is_replaced_whole(tmp_path: Path) -> None:
     assert [p.name for p in (tmp_path / "data").iterdir()] == ["TIC-7.csv"]
 
 
+def test_files_of_somebody_else_are_left_alone(tmp_path: Path) -> None:
+    """In a folder `data` that no simulation has written; its own is replaced."""
+    (tmp_path / "data").mkdir()
+    own = tmp_path / "data" / "LIC-1.csv"
+    own.write_text("time,sp,pv,op\n")
+    layout = LAYOUTS["one-file-per-loop"]
+    with pytest.raises(
+        ValueError, match="holds files that are no simulation's, expected an empty or a new folder"
+    ):
+        write_export(loops(), 60.0, tmp_path, layout=layout)
+    assert own.read_text() == "time,sp,pv,op\n"
+    own.unlink()
+    for _ in range(2):
+        assert write_export(loops(), 60.0, tmp_path, layout=layout) > 0
+
+
 def test_a_sheet_takes_no_more_rows_than_it_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sim_plants.export.MOST_SHEET_ROWS", 59)
     with pytest.raises(ValueError, match=r"data\.xlsx: 60 rows, expected at most 59"):

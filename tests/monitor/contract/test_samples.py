@@ -38,3 +38,8 @@ def test_taken_and_joined_again():
     for name in ("loop", "time", "sp", "pv", "op", "auto", "quality"):
         np.testing.assert_array_equal(getattr(join(parts), name), getattr(samples, name))
     assert len(samples.take(samples.auto)) == 2
+
+
+def test_each_loop_s_samples_in_their_order():
+    samples = Samples.of([2, 0, 2, 0], [1, 2, 3, 4], 0.0, [5.0, 6.0, 7.0, 8.0], 0.0)
+    assert [(code, own.pv.tolist()) for code, own in samples.by_loop()] == [(0, [6.0, 8.0]), (2, [5.0, 7.0])]

@@ -196,9 +196,10 @@ def client(endpoint):
         session.close()
 
 
-def kept(state: Path) -> dict[str, dict[str, Any]]:
+def kept(state: Path, table: str = "assessment") -> dict[str, dict[str, Any]]:
+    """What the store has in a table, by id."""
     with closing(sqlite3.connect(f"file:{state}/loopsight.sqlite?mode=ro", uri=True)) as db:
-        rows = db.execute("SELECT id, json FROM assessment").fetchall()
+        rows = db.execute(f"SELECT id, json FROM {table}").fetchall()  # noqa: S608 (a name of ours)
     return {i: json.loads(j) for i, j in rows}
 
 
@@ -242,7 +243,10 @@ def test_ready_stop_and_all_that_is_stored(plant, start, client):
     said = {r["id"]: r for r in (json.loads(p) for _, p in heard)}
     assert said
     assert all(stored[i] == r for i, r in said.items())
-    assert any("end of the data" in r["reason"] for r in stored.values())
+    events = kept(monitor.state, "event")  # assessed or, where a busy machine had no time for it, only closed
+    assert set(said) <= set(events)
+    assert all(e["state"] != "open" for e in events.values())
+    assert any(e["state"] == "interrupted" for e in events.values())
 
 
 @pytest.mark.slow

@@ -139,7 +139,7 @@ def _run(task: Task, samples: Iterator[Samples], done: Callable[[int], None]) ->
         times = [min([*times, int(batch.time.min())]), max([*times, int(batch.time.max())])]
         done(len(batch))
     _keep(engine.flush(), events, keeper)
-    last = {loop.name: engine.last_sample(row) for row, loop in enumerate(task.loops)}
+    last = {loop.name: engine.seen.last(row) for row, loop in enumerate(task.loops)}
     first, newest = times or (None, None)
     units = {
         loop.name: said
@@ -154,7 +154,16 @@ def _run(task: Task, samples: Iterator[Samples], done: Callable[[int], None]) ->
     curves = [c for name in shown for c in curves_of(engine.answers(engine.loops.by_name[name], rows[name]))]
     kept = [*keeper.of(shown), *trends.of(shown)]
     return Part(
-        events, list(rows.values()), kept, curves, spells.found(), last, first, newest, engine.counts(), units
+        events,
+        list(rows.values()),
+        kept,
+        curves,
+        spells.found(),
+        last,
+        first,
+        newest,
+        engine.seen.counts(),
+        units,
     )
 
 

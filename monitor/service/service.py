@@ -20,7 +20,7 @@ from monitor.contract import keys
 from monitor.contract.danger import TO_RETUNE, danger, worst_first
 from monitor.contract.entries import Message
 from monitor.contract.loops import MOST_NAME_BYTES, Loop, LoopTable
-from monitor.contract.records import LoopRow, Record
+from monitor.contract.records import LoopRow, Record, event_id
 from monitor.contract.samples import Samples
 from monitor.contract.text import visible
 from monitor.contract.times import iso
@@ -28,11 +28,12 @@ from monitor.engine import Engine
 from monitor.verdict.stale import mark_stale
 from monitor.verdict.together import cycling_together
 from monitor.wire.decode import Decoder
-from monitor.wire.encode import JSON_MIME, decode_event, decode_plan
+from monitor.wire.encode import JSON_MIME, decode_event
 
 from .bus import Bus
 from .config import Config
 from .every import Every
+from .memories import Memories
 from .outbox import Outbox
 from .queries import Queries
 from .reorder import Reorder
@@ -103,7 +104,8 @@ class Service:
         self.reorder = Reorder(len(loops), config.reorder_window)
         register = self._register if config.auto_register or not config.loops else None
         self.decoder = Decoder(loops, register)
-        self.outbox = Outbox(loops, bus, store, self.row)
+        self.memories = Memories(loops, self.engine, self.reorder, store, now)
+        self.outbox = Outbox(loops, bus, store, self.memories, self.row)
         self.queries = Queries(config.id, self.engine, store, self.row, lambda: encode_status(self.status()))
         self.staleness = Staleness(loops)
         self.trends = Trends(self.engine, bus)
@@ -115,8 +117,8 @@ class Service:
         self._tidy = Every(TIDY_EVERY_S, first=now + TIDY_EVERY_S)
         self._snapshot = Every(SNAPSHOT_EVERY_S, first=now + SNAPSHOT_EVERY_S)
         self._open = OpenEvents(open_file)
-        self._left_open = [] if open_file is None else self._take_up()
-        self._go_on_with_plans()
+        self._take_up()
+        self._left_open = self._take_up_events()
 
     # -- the tick -----------------------------------------------------------------------------------
 
@@ -182,7 +184,7 @@ class Service:
     def _keep_house(self, now: float) -> None:
         """Do what is done every so often."""
         if self._look.due(now):
-            last = self.engine.last_samples()
+            last = self.engine.seen.all_last()
             held = self.reorder.state[: len(last.time)]
             if self.staleness.look(last, held["arrival"], held["newest"], now):
                 self._status.hasten(now)
@@ -207,6 +209,7 @@ class Service:
     def _retuned(self, row: int, loop: Loop) -> list[Record]:
         """Go over to a loop's new settings, ranges and period."""
         records = self.engine.retuned(row, loop)
+        self.memories.hasten(row)
         self.trends.flag(row, False)
         self.queries.forget(loop.key)
         return records
@@ -235,6 +238,7 @@ class Service:
         """Give up a loop that registered itself and has been silent for long."""
         loop = self.loops[row]
         self._publish(self.engine.retire(row))
+        self.memories.forget(row)
         self.reorder.forget(row)
         self.decoder.forget(row)
         self.loops.remove(row)
@@ -256,7 +260,7 @@ class Service:
 
     def row(self, number: int) -> LoopRow:
         """Return a loop's row, marked where nothing comes from it any more."""
-        last = self.engine.last_sample(number)
+        last = self.engine.seen.last(number)
         since = iso(last.time) if number in self.staleness.stale else None
         return mark_stale(self.engine.row(number), last, since)
 
@@ -266,23 +270,45 @@ class Service:
 
     # -- begin and end ------------------------------------------------------------------------------
 
-    def _take_up(self) -> list[Record]:
+    def _take_up(self) -> None:
+        """Go on with what the last run knew of the loops."""
+        rows = self.memories.take_up(self._row_of)
+        for row in rows:
+            if self.engine.verdict(row) is not None:
+                self.trends.flag(row, danger(self.row(row)) <= TO_RETUNE)
+        if rows:
+            waiting = len(self.engine.waiting)
+            log.info(
+                "what is known of %d loops is taken up again; %d events wait to be assessed",
+                len(rows),
+                waiting,
+            )
+        self.outbox.catch_up()
+
+    def _take_up_events(self) -> list[Record]:
         """Go on with the events that were open when the process was killed; return the others, as interrupted."""
+        waiting = {event_id(self.loops[w.event.row].name, w.event.onset) for w in self.engine.waiting}
         going_on = self._open.take_up(
-            self.engine, self.reorder, self._row_of, self.store.is_over, self._clock(), self._monotonic()
+            self.engine,
+            self.reorder,
+            self._row_of,
+            lambda identity: identity in waiting or self.store.is_over(identity),
+            self._clock(),
+            self._monotonic(),
         )
-        left = [e for e in map(decode_event, self.store.open_events()) if e.loop in self.loops.by_name]
-        left = [e for e in left if e.id not in going_on]
+        left: list[Record] = []
+        kept = [(key, decode_event(json)) for key, json in self.store.open_events()]
+        for key, event in kept:
+            if event.id in going_on:
+                continue
+            over = msgspec.structs.replace(event, state="interrupted")
+            if event.loop in self.loops.by_name:
+                left.append(over)
+            elif event.id:
+                self.outbox.let_go(key, over)
         if left:
             log.warning("%d events were open when the last run ended: interrupted", len(left))
-        return [msgspec.structs.replace(e, state="interrupted") for e in left]
-
-    def _go_on_with_plans(self) -> None:
-        """Go on with the retunes that were under way when the last run ended."""
-        for key, payload in self.store.plans().items():
-            plan, row = decode_plan(payload), self.loops.by_key.get(key)
-            if plan is not None and row is not None:
-                self.engine.go_on(row, plan)
+        return left
 
     def _row_of(self, name: str, key: str) -> int:
         """Return a loop's row, -1 where it is not watched."""
@@ -315,6 +341,8 @@ class Service:
             if not self.engine.backlog or not in_time():
                 break
             records = self._assess(10 * ASSESS_S)
+        self.memories.hasten_all()
+        self.outbox.send(self._monotonic(), at_once=True)
         self._open.keep(self.engine, self.reorder, self._clock())  # now there is none
         if self.engine.backlog or left > 0:
             log.warning(

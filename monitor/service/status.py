@@ -153,7 +153,7 @@ def status_of(monitor: str, parts: Parts, now: float, time: int) -> Status:
     now, time
         [s, monotonic], [ns since 1970]
     """
-    counts = parts.engine.counts()
+    counts = parts.engine.seen.counts()
     samples_ok = counts.pop("ok")
     for name in ("late", "duplicate", "conflict"):
         counts[name] += getattr(parts.reorder, name)

@@ -290,7 +290,7 @@ def test_counts_add_up():
     engine = Engine(LoopTable([Loop(name="L")]))
     engine.step(replace(samples, pv=pv, quality=quality))
     engine.step(samples)
-    counts = engine.counts()
+    counts = engine.seen.counts()
     assert sum(counts[n] for n in ("ok", "bad_value", "bad_quality", "duplicate", "late")) == 1800
     assert counts["bad_value"] == 10
     assert counts["bad_quality"] == 5

@@ -182,6 +182,7 @@ class Engine:
         self._diagnoses.wait(self.detector.take_blocks())
         records: list[Record] = []
         for event in found:
+            self._changed.add(event.row)
             closed = event if isinstance(event, ClosedEvent) else None
             if closed is None or closed.kind != LOAD_STEP:
                 loop = self.loops[event.row].name

@@ -18,7 +18,7 @@ import numpy as np
 from monitor.adapters.store import Store
 from monitor.contract import keys
 from monitor.contract.danger import TO_RETUNE, danger, worst_first
-from monitor.contract.entries import Message
+from monitor.contract.entries import Entries, Message
 from monitor.contract.loops import MOST_NAME_BYTES, Loop, LoopTable
 from monitor.contract.records import LoopRow, Record, event_id
 from monitor.contract.samples import Samples
@@ -140,27 +140,33 @@ class Service:
         """Decode, put in order and detect; what nothing newer has followed for the window's length is let go."""
         batches: list[Samples] = []
         records: list[Record] = []
-        if messages:
-            latest = self._clock() + round(self.config.future * 1e9)
-            entries = self.decoder.decode(messages, latest)
-            self.engine.follow()
-            if len(self.loops) > len(self.reorder.state):
-                self.reorder.grow(max(2 * len(self.loops), 64))
-            for row, loop in self.decoder.settings:
-                records += self._retuned(row, loop)
+        rest, more = iter(messages), bool(messages)
+        while more:
+            entries = self.decoder.decode(rest, self._clock() + round(self.config.future * 1e9))
+            records += self._take_in_entries(entries, now, batches)
             for cause, key, why in self.decoder.refused:
                 log.warning("%s: %s: %s", cause, visible(key), visible(why))
-            samples, at = self.reorder.push(entries, now), 0
-            for place, row, first in self.reorder.stepped:
-                batches.append(samples.take(slice(at, place)))
-                records += [*self.engine.detect(batches[-1]), *self._set_back(row, first)]
-                at = place
-            batches.append(samples.take(slice(at, None)))
-            records += self.engine.detect(batches[-1])
+            more = self.decoder.settings is not None
+            if self.decoder.settings is not None:
+                records += self._retuned(*self.decoder.settings)
         if self._release.due(now):  # looks at every loop: not at every tick
             batches.append(self.reorder.release(now - max(self.config.reorder_window, 0.1)))
             records += self.engine.detect(batches[-1])
         return [b for b in batches if len(b)], records
+
+    def _take_in_entries(self, entries: Entries, now: float, batches: list[Samples]) -> list[Record]:
+        """Put entries in order and detect; the samples that are due are added to ``batches``."""
+        self.engine.follow()
+        if len(self.loops) > len(self.reorder.state):
+            self.reorder.grow(max(2 * len(self.loops), 64))
+        records: list[Record] = []
+        samples, at = self.reorder.push(entries, now), 0
+        for place, row, first in self.reorder.stepped:
+            batches.append(samples.take(slice(at, place)))
+            records += [*self.engine.detect(batches[-1]), *self._set_back(row, first)]
+            at = place
+        batches.append(samples.take(slice(at, None)))
+        return records + self.engine.detect(batches[-1])
 
     def _assess(self, seconds: float) -> list[Record]:
         """Assess closed events for about this long; the rest waits for the next tick."""

@@ -9,6 +9,8 @@ from typing import Any
 
 import msgspec
 
+from monitor.adapters.http import split_address
+
 VIEWS = ("none", "web", "native")
 
 
@@ -39,6 +41,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Samples further ahead of the clock than this are refused [s]."""
     view: str = "none"
     """``none``, ``web`` or ``native``."""
+    http: str = ""
+    """Host and port of /livez, /readyz and /metrics, e.g. 127.0.0.1:9464; empty: none."""
     tick: float = 0.05
     """Longest wait between two looks at the inbox [s]."""
 
@@ -61,6 +65,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
                 "a name without / * $ ? # and control characters",
             ),
         ]
+        if self.http:
+            split_address(self.http)
         for ok, name, value, accepted in checks:
             if not ok:
                 raise ValueError(f"{name}: {value!r}, expected {accepted}")

@@ -15,6 +15,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from monitor.adapters.http import Http, is_local, split_address
 from monitor.adapters.loop_table import read_loop_table
 from monitor.adapters.process import Stop
 from monitor.adapters.store import Store
@@ -26,6 +27,7 @@ from monitor.view.process import start_view
 
 from .config import Config
 from .service import Service
+from .vitals import Vitals
 from .warm_up import warm_up
 
 log = logging.getLogger("loopsight")
@@ -72,6 +74,22 @@ class Opened:
         self.bus.answer([keys.LOOPS, keys.of_monitor(own)])
         self.bus.alive(keys.monitor_alive(own))
         return service
+
+    def serve(self, vitals: Vitals) -> str:
+        """Answer over HTTP how the monitor is, where that is configured; return the address, empty where it is not.
+
+        Raises
+        ------
+        HttpError
+            It cannot listen there.
+        """
+        if not self.config.http:
+            return ""
+        http = Http(self.config.http, vitals.answers)
+        self.closing.callback(http.close)
+        if not is_local(split_address(self.config.http)[0]):
+            log.warning("%s is open to the network, without a password", http.url)
+        return http.url
 
     def show(self, save: Path | None) -> str:
         """Start the view that is configured, recording into ``save``; return its address, empty where it has none.
@@ -121,7 +139,8 @@ def run_monitor(config: Config, stop: Stop, say: Callable[[str], None], save: Pa
     Parameters
     ----------
     say
-        Called with lines for the user: one that begins with ``ready`` once it listens, one with the view's address.
+        Called with lines for the user: one that begins with ``ready`` once it listens, then the addresses of HTTP
+        and of the view.
     save
         Record the view into this file.
 
@@ -130,17 +149,21 @@ def run_monitor(config: Config, stop: Stop, say: Callable[[str], None], save: Pa
     OSError, ValueError
         As of `opened`.
     """
+    vitals = Vitals()
     with opened(config) as monitor:
+        http = monitor.serve(vitals)
         with stop.breaking_off():  # nothing is held yet: a compiler that has just begun need not end its work
             warm_up()
         if stop.is_set():
             return
         service = monitor.start()
         say(f"ready {monitor.where}: {len(monitor.loops) or 'all'} loops on {', '.join(config.subscribe)}")
+        if http:
+            say(f"http {http}")
         address = monitor.show(save)
         if address:
             say(f"view {address}")
-        service.run(stop)
+        service.run(stop, lambda seconds: vitals.beat(service, seconds))
 
 
 def _listen(config: Config) -> list[str]:

@@ -22,6 +22,7 @@ from monitor.contract.entries import Message
 from monitor.contract.loops import MOST_NAME_BYTES, Loop, LoopTable
 from monitor.contract.records import LoopRow, Record
 from monitor.contract.samples import Samples
+from monitor.contract.status import Status
 from monitor.contract.text import visible
 from monitor.contract.times import iso
 from monitor.engine import Engine
@@ -38,7 +39,7 @@ from .queries import Queries
 from .reorder import Reorder
 from .snapshot import OpenEvents
 from .staleness import Staleness
-from .status import Meter, Status, encode_status, status_of
+from .status import Meter, encode_status, status_of
 from .trends import Trends
 
 log = logging.getLogger("loopsight")
@@ -245,11 +246,6 @@ class Service:
 
     # -- how things stand ---------------------------------------------------------------------------
 
-    @property
-    def ready(self) -> bool:
-        """Whether what comes in is heard, and what is found is kept."""
-        return self.outbox.stores and not self.staleness.silent
-
     def status(self) -> Status:
         """Return the monitor's health, for the bus and for ``loopsight status``."""
         return status_of(self.config.id, self, self._monotonic(), self._clock())
@@ -291,10 +287,19 @@ class Service:
             row = self.decoder.register(name, key)
         return -1 if row is None else row
 
-    def run(self, stop: threading.Event) -> None:
-        """Tick until told to stop; then finish what is held."""
+    def run(self, stop: threading.Event, ticked: Callable[[float], None]) -> None:
+        """Tick until told to stop; then finish what is held.
+
+        Parameters
+        ----------
+        ticked
+            Called after each tick with how long it took [s].
+        """
         while not stop.is_set():
-            if self.tick() == 0:
+            began = self._monotonic()
+            taken = self.tick()
+            ticked(self._monotonic() - began)
+            if taken == 0:
                 stop.wait(self.config.tick)
         self.finish()
 

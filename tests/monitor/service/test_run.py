@@ -10,6 +10,8 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.error
+import urllib.request
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from monitor.adapters.loop_table import read_loop_table
 from monitor.adapters.store import Store, StoreError
@@ -29,6 +32,7 @@ from monitor.engine import Engine
 from monitor.service.config import Config
 from monitor.service.run import opened
 from monitor.service.service import Service
+from monitor.service.vitals import Vitals
 from sim_plants.export import write_rows
 from sim_plants.loops import Simulation
 from sim_plants.publish import Publisher
@@ -478,6 +482,28 @@ def test_another_endpoint_where_the_first_is_taken(endpoint, tmp_path):
         open_session("router", listen=[spare]).close()
     finally:
         session.close()
+
+
+def test_http_tells_of_the_process(endpoint, tmp_path, caplog):
+    """Not ready before anything is heard, closed with the monitor; open to the network only with a warning."""
+    config = Config(listen=[endpoint], state=str(tmp_path))
+    vitals = Vitals()
+    with opened(config) as monitor:
+        assert monitor.serve(vitals) == ""
+    with opened(replace(config, http="127.0.0.1:0")) as monitor:
+        url = monitor.serve(vitals)
+        service = monitor.start()
+        service.tick()
+        vitals.beat(service, 0.0)
+        with pytest.raises(urllib.error.HTTPError, match="503") as refused:
+            urllib.request.urlopen(f"{url}/readyz", timeout=PATIENCE)
+        assert refused.value.read() == b"no_data: nothing has come in yet\n"
+        refused.value.close()
+    with pytest.raises(urllib.error.URLError):
+        urllib.request.urlopen(f"{url}/livez", timeout=PATIENCE)
+    assert caplog.messages == []
+    with opened(replace(config, http="0.0.0.0:0")) as monitor:
+        assert monitor.serve(vitals) in caplog.text
 
 
 def test_a_bus_without_a_router():

@@ -11,6 +11,8 @@ import msgspec
 
 from monitor.adapters.http import split_address
 
+from .journal import FORMATS
+
 VIEWS = ("none", "web", "native")
 
 
@@ -43,11 +45,14 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """``none``, ``web`` or ``native``."""
     http: str = ""
     """Host and port of /livez, /readyz and /metrics, e.g. 127.0.0.1:9464; empty: none."""
+    log: str = "text"
+    """Of the lines on stderr: ``text`` for a reader, ``json`` for a machine."""
     tick: float = 0.05
     """Longest wait between two looks at the inbox [s]."""
 
     def __post_init__(self) -> None:
         checks = [
+            (self.log in FORMATS, "log", self.log, "one of " + ", ".join(FORMATS)),
             (self.view in VIEWS, "view", self.view, "one of " + ", ".join(VIEWS)),
             (
                 0 <= self.reorder_window <= 3600,

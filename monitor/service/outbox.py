@@ -5,7 +5,6 @@ While the store fails nothing is published: both wait, up to a bound, beyond whi
 
 from __future__ import annotations
 
-import logging
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -19,8 +18,7 @@ from monitor.wire.arrow import encode_window
 from monitor.wire.encode import FRAME_MIME, JSON_MIME, encode_plan, encode_record
 
 from .bus import Bus
-
-log = logging.getLogger("loopsight")
+from .journal import note
 
 WAITING_RECORDS = 10_000
 """That wait for a store that fails; beyond, the oldest are lost and counted."""
@@ -98,12 +96,12 @@ class Outbox:
         wrong = self._commit()
         if wrong:
             if self.stores:
-                log.error("store: %s; nothing is published until it is back", wrong)
+                note("store_failing", why=wrong)
             self.stores = False
             self._retry = now + RETRY_S
             return
         if not self.stores:
-            log.warning("store: back; %d records were waiting", len(self._waiting))
+            note("store_back", count=len(self._waiting))
             self.stores = True
         for outgoing in self._waiting:
             if outgoing.key:
@@ -125,7 +123,7 @@ class Outbox:
         try:
             return self.stores and self._store.tidy(now)
         except StoreError as error:
-            log.debug("store: %s; nothing old is removed", error)  # `send` says it where it matters
+            note("store_untidy", why=error)  # `send` says it where it matters
             return False
 
     # -- a record, encoded --------------------------------------------------------------------------
@@ -144,10 +142,13 @@ class Outbox:
         """Return the assessment, and its evidence for the eye; both are kept with the loop's row."""
         key, payload, row_json = self._key(record.loop), encode_record(record), encode_record(row)
         evidence = encode_window(window, record.verdict, record.reason)
-        log.log(
-            logging.INFO if record.verdict == RETUNE else logging.DEBUG,
-            "%s: %s (%s) %s", record.loop, record.verdict, record.kind, record.reason,
-        )  # fmt: skip
+        note(
+            "retune" if record.verdict == RETUNE else "assessment",
+            loop=record.loop,
+            verdict=record.verdict,
+            kind=record.kind,
+            reason=record.reason,
+        )
 
         def keep(store: Store) -> None:
             store.keep_assessment(record.id, key, record.start, payload, evidence)
@@ -160,7 +161,7 @@ class Outbox:
 
     def _suggestion(self, suggestion: Suggestion) -> Outgoing:
         key, payload = self._key(suggestion.row.loop), encode_record(suggestion)
-        log.info("%s: suggestion: %s", suggestion.row.loop, suggestion.row.action)
+        note("suggestion", loop=suggestion.row.loop, action=suggestion.row.action)
         return Outgoing(
             keys.suggestion(key), payload, JSON_MIME, lambda store: store.keep_suggestion(key, payload)
         )

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -26,11 +25,10 @@ from monitor.contract.records import Record
 from monitor.view.process import start_view
 
 from .config import Config
+from .journal import note
 from .service import Service
 from .vitals import Vitals
 from .warm_up import warm_up
-
-log = logging.getLogger("loopsight")
 
 LOCAL = ("127.0.0.1", "localhost", "[::1]", "unixsock")
 """In an endpoint that only this machine can reach."""
@@ -88,7 +86,7 @@ class Opened:
         http = Http(self.config.http, vitals.answers)
         self.closing.callback(http.close)
         if not is_local(split_address(self.config.http)[0]):
-            log.warning("%s is open to the network, without a password", http.url)
+            note("http_open", address=http.url)
         return http.url
 
     def show(self, save: Path | None) -> str:
@@ -182,9 +180,8 @@ def _session(config: Config, spare: Sequence[str]) -> tuple[Any, Config]:
                 raise
             refusal = str(error)
             continue
-        for endpoint in listen:
-            if not any(local in endpoint for local in LOCAL):
-                log.warning("%s is open to the network: use TLS and access control, see config/", endpoint)
+        if foreign := [e for e in listen if not any(local in e for local in LOCAL)]:
+            note("network_open", address=", ".join(foreign))
         return session, replace(config, listen=listen)
     raise BusError(
         f"{_listen(config)[0]}, and {len(spare)} more up to {spare[-1]}: no endpoint is free ({refusal})"

@@ -6,7 +6,6 @@ published has been committed before.
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 from collections.abc import Callable
@@ -23,7 +22,6 @@ from monitor.contract.loops import MOST_NAME_BYTES, Loop, LoopTable
 from monitor.contract.records import LoopRow, Record
 from monitor.contract.samples import Samples
 from monitor.contract.status import Status
-from monitor.contract.text import visible
 from monitor.contract.times import iso
 from monitor.engine import Engine
 from monitor.verdict.stale import mark_stale
@@ -34,6 +32,7 @@ from monitor.wire.encode import JSON_MIME, decode_event, decode_plan
 from .bus import Bus
 from .config import Config
 from .every import Every
+from .journal import note
 from .outbox import Outbox
 from .queries import Queries
 from .reorder import Reorder
@@ -41,8 +40,6 @@ from .snapshot import OpenEvents
 from .staleness import Staleness
 from .status import Meter, encode_status, status_of
 from .trends import Trends
-
-log = logging.getLogger("loopsight")
 
 TICK_MESSAGES, TICK_BYTES = 50_000, 16 * 2**20
 """Messages, and their bytes, taken from the inbox in one tick: a backlog does not hide all else."""
@@ -148,7 +145,7 @@ class Service:
             for row, loop in self.decoder.settings:
                 records += self._retuned(row, loop)
             for cause, key, why in self.decoder.refused:
-                log.warning("%s: %s: %s", cause, visible(key), visible(why))
+                note(f"refused_{cause}", key=key, why=why)
             samples, at = self.reorder.push(entries, now), 0
             for place, row, first in self.reorder.stepped:
                 batches.append(samples.take(slice(at, place)))
@@ -214,8 +211,7 @@ class Service:
 
     def _set_back(self, row: int, first: int) -> list[Record]:
         """Begin anew at an earlier time, ``first`` [ns]: what was late since then is a gap."""
-        name = visible(self.loops[row].name)
-        log.warning("%s: its clock was set back to %s; it begins anew", name, iso(first))
+        note("clock_set_back", loop=self.loops[row].name, first=iso(first))
         return self.engine.set_back(row, first)
 
     def _register(self, name: str, key: str) -> int | None:
@@ -242,7 +238,7 @@ class Service:
         self.staleness.forget(row)
         self.trends.flag(row, False)
         self.queries.forget(loop.key)
-        log.warning("given up after a long silence: %s", visible(loop.name))
+        note("loop_given_up", loop=loop.name)
 
     # -- how things stand ---------------------------------------------------------------------------
 
@@ -270,7 +266,7 @@ class Service:
         left = [e for e in map(decode_event, self.store.open_events()) if e.loop in self.loops.by_name]
         left = [e for e in left if e.id not in going_on]
         if left:
-            log.warning("%d events were open when the last run ended: interrupted", len(left))
+            note("events_interrupted", count=len(left))
         return [msgspec.structs.replace(e, state="interrupted") for e in left]
 
     def _go_on_with_plans(self) -> None:
@@ -322,10 +318,6 @@ class Service:
             records = self._assess(10 * ASSESS_S)
         self._open.keep(self.engine, self.reorder, self._clock())  # now there is none
         if self.engine.backlog or left > 0:
-            log.warning(
-                "stop: %d events are kept without an assessment, %d messages left",
-                self.engine.backlog,
-                max(left, 0),
-            )
+            note("stopped_early", count=self.engine.backlog, messages=max(left, 0))
         if len(self.outbox):
-            log.error("store: still failing; %d records are lost", len(self.outbox))
+            note("records_lost", count=len(self.outbox))

@@ -18,6 +18,7 @@ from monitor.adapters.http import Http, is_local, split_address
 from monitor.adapters.loop_table import read_loop_table
 from monitor.adapters.process import Stop
 from monitor.adapters.store import Store
+from monitor.adapters.systemd import Manager
 from monitor.adapters.zenoh_bus import DEFAULT_ENDPOINT, Bus, BusError, open_session
 from monitor.contract import keys
 from monitor.contract.loops import LoopTable
@@ -147,7 +148,7 @@ def run_monitor(config: Config, stop: Stop, say: Callable[[str], None], save: Pa
     OSError, ValueError
         As of `opened`.
     """
-    vitals = Vitals()
+    vitals, manager = Vitals(), Manager()
     with opened(config) as monitor:
         http = monitor.serve(vitals)
         with stop.breaking_off():  # nothing is held yet: a compiler that has just begun need not end its work
@@ -161,7 +162,15 @@ def run_monitor(config: Config, stop: Stop, say: Callable[[str], None], save: Pa
         address = monitor.show(save)
         if address:
             say(f"view {address}")
-        service.run(stop, lambda seconds: vitals.beat(service, seconds))
+        manager.ready()
+
+        def ticked(seconds: float) -> None:
+            vitals.beat(service, seconds)
+            manager.alive()
+
+        service.run(stop, ticked)
+        manager.stopping()
+        service.finish()
 
 
 def _listen(config: Config) -> list[str]:

@@ -284,7 +284,7 @@ class Service:
         return -1 if row is None else row
 
     def run(self, stop: threading.Event, ticked: Callable[[float], None]) -> None:
-        """Tick until told to stop; then finish what is held.
+        """Tick until told to stop; what is held is for `finish`.
 
         Parameters
         ----------
@@ -297,7 +297,6 @@ class Service:
             ticked(self._monotonic() - began)
             if taken == 0:
                 stop.wait(self.config.tick)
-        self.finish()
 
     def finish(self) -> None:
         """Work off the inbox and the window, close open events, store and publish.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import sqlite3
 import subprocess
 import sys
@@ -482,6 +483,29 @@ def test_another_endpoint_where_the_first_is_taken(endpoint, tmp_path):
         open_session("router", listen=[spare]).close()
     finally:
         session.close()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="needs AF_UNIX")
+def test_a_service_manager_is_told(endpoint, tmp_path, monkeypatch):
+    """READY once it is subscribed, WATCHDOG while ticks are completed and not while it is frozen, STOPPING."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(PATIENCE)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        monkeypatch.setenv("WATCHDOG_USEC", "400000")
+        monitor = Monitor(endpoint, tmp_path / "state")
+        said = [manager.recv(100) for _ in range(4)]
+        assert said == [b"READY=1", *[b"WATCHDOG=1"] * 3]
+        os.kill(monitor.process.pid, signal.SIGSTOP)
+        manager.settimeout(1.0)  # more than twice as long as it may take
+        with pytest.raises(TimeoutError):
+            list(iter(lambda: manager.recv(100), b""))
+        manager.settimeout(PATIENCE)
+        os.kill(monitor.process.pid, signal.SIGCONT)
+        assert manager.recv(100) == b"WATCHDOG=1"
+        assert monitor.end() == 0
+        assert b"STOPPING=1" in iter(lambda: manager.recv(100), b"")
 
 
 def test_http_tells_of_the_process(endpoint, tmp_path, caplog):

@@ -76,7 +76,8 @@ HOMES: dict[str, set[str]] = {
     "rerun": {
         f"monitor/adapters/rerun_view/{n}.py" for n in ("fleet", "layout", "panes", "picture", "series")
     },
-    "socket": {"monitor/adapters/rerun_view/process.py"},
+    "socket": {f"monitor/adapters/{n}.py" for n in ("http", "rerun_view/process", "systemd")},
+    "prometheus_client": {"monitor/service/metrics.py"},
     "pyarrow": {
         *(f"monitor/wire/{n}.py" for n in ("arrow", "decode")),
         *(

@@ -7,15 +7,12 @@ by when it was kept, not by its own time, for a replay of past years is as new a
 
 from __future__ import annotations
 
-import logging
 import sqlite3
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
-
-log = logging.getLogger("loopsight")
 
 _LATEST = """
 SELECT (SELECT coalesce(max(rowid), 0) FROM event), (SELECT coalesce(max(rowid), 0) FROM assessment),
@@ -131,6 +128,8 @@ class Store:
     def __init__(self, folder: Path, keep_days: float = KEEP_DAYS, keep_bytes: int = KEEP_BYTES) -> None:
         self.path = folder / "loopsight.sqlite"
         self.keep_days, self.keep_bytes = keep_days, keep_bytes
+        self.damage = ""
+        """What was damaged when the file was opened, in words, and what became of it; empty where nothing was."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -151,9 +150,7 @@ class Store:
                 for end in ("", "-wal", "-shm"):
                     with suppress(FileNotFoundError):
                         Path(f"{self.path}{end}").rename(f"{aside}{end}")
-                log.error(
-                    "store: %s: damaged (%s); set aside as %s, and begun anew", self.path, why, aside.name
-                )
+                self.damage = f"{self.path}: damaged ({why}); set aside as {aside.name}, and begun anew"
                 why = self._connect()
         except (sqlite3.Error, OSError) as error:
             raise error if isinstance(error, StoreError) else StoreError(f"{self.path}: {error}") from None

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from monitor.contract.records import INCONCLUSIVE, RETUNE, Assessment, LoopRow, Record, Suggestion
-from monitor.service.status import Status
+from monitor.contract.status import Status
 
 _YOUR_OWN = (
     "With data of your own: [bold]loopsight audit EXPORT --out audit[/] reads what a historian exports and writes "

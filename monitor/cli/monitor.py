@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -28,33 +29,27 @@ from .common import Command, Refused
 @click.option(
     "--save", type=click.Path(dir_okay=False, path_type=Path), help="Record the view into this .rrd file."
 )
+@click.option(
+    "--http", metavar="ADDRESS", help="Answer /livez, /readyz and /metrics here, e.g. 127.0.0.1:9464."
+)
+@click.option(
+    "--log", type=click.Choice(["text", "json"]), help="Of the log on stderr: for a reader or a machine."
+)
 @click.option("--verbose", is_flag=True, help="Log every assessment.")
-def monitor(
-    file: Path | None, loops: str | None, connect: tuple[str, ...], listen: tuple[str, ...], state: str | None,
-    view: str | None, save: Path | None, verbose: bool,
-) -> None:  # fmt: skip
+def monitor(file: Path | None, save: Path | None, verbose: bool, **overrides: Any) -> None:
     """Watch loops over Zenoh, day and night.
 
     Prints a line that begins with `ready` once it listens. SIGTERM or Ctrl-C: finishes what it holds, exit 0.
     """
-    import logging
-
     from monitor.adapters.process import Stop
     from monitor.service.config import load
+    from monitor.service.journal import begin
     from monitor.service.run import run_monitor
 
-    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
-    logging.getLogger("loopsight").setLevel(logging.DEBUG if verbose else logging.INFO)
     with Stop() as stop:
         try:
-            config = load(
-                file,
-                loops=loops,
-                connect=list(connect) or None,
-                listen=list(listen) or None,
-                state=state,
-                view=view,
-            )
+            config = load(file, **overrides)
+            begin(config.log, verbose)
             run_monitor(config, stop, click.echo, save)
         except (ValueError, OSError) as error:
             raise Refused(str(error)) from None

@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+from monitor.contract.status import NOT_READY
 from monitor.contract.text import visible
 
 from .common import Command, Refused
@@ -95,8 +96,7 @@ def _lines(answer: dict[str, Any]) -> list[str]:
 def _ready(answer: dict[str, Any]) -> str:
     if answer["ready"]:
         return "ready"
-    why = {"store": "the store fails", "silent": "no loop sends"}
-    return f"NOT READY ({', '.join(why.get(w, visible(w)) for w in answer.get('not_ready', ['store']))})"
+    return f"NOT READY ({', '.join(NOT_READY.get(w, visible(w)) for w in answer['not_ready'])})"
 
 
 def _clocks(answer: dict[str, Any]) -> list[str]:

@@ -9,6 +9,10 @@ from typing import Any
 
 import msgspec
 
+from monitor.adapters.http import split_address
+
+from .journal import FORMATS
+
 VIEWS = ("none", "web", "native")
 
 
@@ -39,11 +43,16 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Samples further ahead of the clock than this are refused [s]."""
     view: str = "none"
     """``none``, ``web`` or ``native``."""
+    http: str = ""
+    """Host and port of /livez, /readyz and /metrics, e.g. 127.0.0.1:9464; empty: none."""
+    log: str = "text"
+    """Of the lines on stderr: ``text`` for a reader, ``json`` for a machine."""
     tick: float = 0.05
     """Longest wait between two looks at the inbox [s]."""
 
     def __post_init__(self) -> None:
         checks = [
+            (self.log in FORMATS, "log", self.log, "one of " + ", ".join(FORMATS)),
             (self.view in VIEWS, "view", self.view, "one of " + ", ".join(VIEWS)),
             (
                 0 <= self.reorder_window <= 3600,
@@ -61,6 +70,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
                 "a name without / * $ ? # and control characters",
             ),
         ]
+        if self.http:
+            split_address(self.http)
         for ok, name, value, accepted in checks:
             if not ok:
                 raise ValueError(f"{name}: {value!r}, expected {accepted}")

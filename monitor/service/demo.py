@@ -14,11 +14,11 @@ from typing import Protocol
 from monitor.adapters.process import end, start_own
 from monitor.adapters.zenoh_bus import DEFAULT_ENDPOINT
 from monitor.contract.records import Assessment, LoopRow, Record
+from monitor.contract.status import Status
 
 from .config import Config
 from .run import opened
 from .service import Service
-from .status import Status
 from .warm_up import warm_up
 
 PROGRESS_EVERY_S = 5.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import islice
@@ -17,9 +16,9 @@ from monitor.contract.records import event_id
 from monitor.engine import Engine
 from monitor.memory import LAYOUT, LoopMemory, WaitingEvent
 
+from .journal import note
 from .reorder import Reorder
 
-log = logging.getLogger("loopsight")
 _Kind = TypeVar("_Kind", LoopMemory, WaitingEvent)
 
 KEPT_A_SECOND = 50.0
@@ -125,14 +124,14 @@ class Memories:
                     msgspec.msgpack.decode(one, type=Loop) for one in (kept.declared, kept.loop)
                 )
             except (msgspec.MsgspecError, ValueError) as error:
-                log.warning("store: what is known of %s cannot be read: %s", kept.key, error)
+                note("memory_damaged", key=kept.key, why=error)
                 continue
             row = row_of(declared.name, kept.key)
             if row < 0:
                 continue
             self._engine.follow()
             self._reorder.grow(len(self._loops))
-            known = self._read(kept.layout, kept.known, LoopMemory)
+            known = self._read(kept.key, kept.layout, kept.known, LoopMemory)
             self._engine.recall(row, declared, loop, known)
             if known is None:
                 unread += 1
@@ -141,23 +140,23 @@ class Memories:
             rows.append(row)
         self._wait_again()
         if unread:
-            log.warning("of %d loops the settings hold; what else was known is another version's", unread)
+            note("memory_version", count=unread)
         return rows
 
     def _wait_again(self) -> None:
         """Have the events wait that were to be assessed."""
         for identity, key, layout, payload in self._store.waiting():
             self._waiting.add(identity)  # one that does not wait any more goes with the next records
-            row, known = self._loops.by_key.get(key), self._read(layout, payload, WaitingEvent)
+            row, known = self._loops.by_key.get(key), self._read(key, layout, payload, WaitingEvent)
             if row is not None and known is not None:
                 self._engine.wait([replace(known, event=replace(known.event, row=row))])
 
     @staticmethod
-    def _read(layout: str, payload: bytes, kind: type[_Kind]) -> _Kind | None:
+    def _read(key: str, layout: str, payload: bytes, kind: type[_Kind]) -> _Kind | None:
         """Read what this version wrote; None where it was another, or where it is damaged."""
         try:
             known = memory.decode(payload) if layout == LAYOUT else None
         except ValueError as error:
-            log.warning("store: %s", error)
+            note("memory_damaged", key=key, why=error)
             return None
         return known if isinstance(known, kind) else None

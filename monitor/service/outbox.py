@@ -5,7 +5,6 @@ While the store fails nothing is published: both wait, up to a bound, beyond whi
 
 from __future__ import annotations
 
-import logging
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -19,9 +18,8 @@ from monitor.wire.arrow import encode_window
 from monitor.wire.encode import FRAME_MIME, JSON_MIME, encode_record
 
 from .bus import Bus
+from .journal import note
 from .memories import Memories
-
-log = logging.getLogger("loopsight")
 
 WAITING_RECORDS = 10_000
 """That wait for a store that fails; beyond, the oldest are lost and counted."""
@@ -102,27 +100,25 @@ class Outbox:
         while len(self._waiting) > WAITING_RECORDS:
             self._waiting.popleft()
             self.records_lost += 1
-        note = self._published is not None and (at_once or now >= self._note)
-        if not (self._waiting or note or self._memories.due(now)):
+        unnoted = self._published is not None and (at_once or now >= self._note)
+        if not (self._waiting or unnoted or self._memories.due(now)):
             return
         if not (self.stores or at_once or now >= self._retry):
             return
         wrong = self._commit(now)
         if wrong:
             if self.stores:
-                log.error("store: %s; nothing is published until it is back", wrong)
+                note("store_failing", why=wrong)
             self.stores = False
             self._retry = now + RETRY_S
             return
         if not self.stores:
-            log.warning("store: back; %d records were waiting", len(self._waiting))
+            note("store_back", count=len(self._waiting))
             self.stores = True
         for outgoing in self._waiting:
             self._bus.publish(outgoing.key, outgoing.payload, outgoing.encoding)
         if self._waiting:
-            self._published = (
-                self._store.latest()
-            )  # noted with the next records: until then they may be said again
+            self._published, self._note = self._store.latest(), now + NOTE_S
         self._waiting.clear()
 
     def _commit(self, now: float) -> str:
@@ -157,7 +153,7 @@ class Outbox:
         try:
             return self.stores and self._store.tidy(now)
         except StoreError as error:
-            log.debug("store: %s; nothing old is removed", error)  # `send` says it where it matters
+            note("store_untidy", why=error)  # `send` says it where it matters
             return False
 
     # -- a record, encoded --------------------------------------------------------------------------
@@ -169,10 +165,13 @@ class Outbox:
         """Return the assessment, and its evidence for the eye; both are kept with the loop's row."""
         key, payload, row_json = self._key(record.loop), encode_record(record), encode_record(row)
         evidence = encode_window(window, record.verdict, record.reason)
-        log.log(
-            logging.INFO if record.verdict == RETUNE else logging.DEBUG,
-            "%s: %s (%s) %s", record.loop, record.verdict, record.kind, record.reason,
-        )  # fmt: skip
+        note(
+            "retune" if record.verdict == RETUNE else "assessment",
+            loop=record.loop,
+            verdict=record.verdict,
+            kind=record.kind,
+            reason=record.reason,
+        )
 
         def keep(store: Store) -> None:
             store.keep_assessment(record.id, key, record.start, payload, evidence)
@@ -185,7 +184,7 @@ class Outbox:
 
     def _suggestion(self, suggestion: Suggestion) -> Outgoing:
         key, payload = self._key(suggestion.row.loop), encode_record(suggestion)
-        log.info("%s: suggestion: %s", suggestion.row.loop, suggestion.row.action)
+        note("suggestion", loop=suggestion.row.loop, action=suggestion.row.action)
         return Outgoing(
             keys.suggestion(key), payload, JSON_MIME, lambda store: store.keep_suggestion(key, payload)
         )

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -15,9 +14,11 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from monitor.adapters.http import Http, is_local, split_address
 from monitor.adapters.loop_table import read_loop_table
 from monitor.adapters.process import Stop
 from monitor.adapters.store import Store
+from monitor.adapters.systemd import Manager
 from monitor.adapters.zenoh_bus import DEFAULT_ENDPOINT, Bus, BusError, open_session
 from monitor.contract import keys
 from monitor.contract.loops import LoopTable
@@ -25,10 +26,10 @@ from monitor.contract.records import Record
 from monitor.view.process import start_view
 
 from .config import Config
+from .journal import note
 from .service import Service
+from .vitals import Vitals
 from .warm_up import warm_up
-
-log = logging.getLogger("loopsight")
 
 LOCAL = ("127.0.0.1", "localhost", "[::1]", "unixsock")
 """In an endpoint that only this machine can reach."""
@@ -73,6 +74,22 @@ class Opened:
         self.bus.alive(keys.monitor_alive(own))
         return service
 
+    def serve(self, vitals: Vitals) -> str:
+        """Answer over HTTP how the monitor is, where that is configured; return the address, empty where it is not.
+
+        Raises
+        ------
+        HttpError
+            It cannot listen there.
+        """
+        if not self.config.http:
+            return ""
+        http = Http(self.config.http, vitals.answers)
+        self.closing.callback(http.close)
+        if not is_local(split_address(self.config.http)[0]):
+            note("http_open", address=http.url)
+        return http.url
+
     def show(self, save: Path | None) -> str:
         """Start the view that is configured, recording into ``save``; return its address, empty where it has none.
 
@@ -108,6 +125,8 @@ def opened(config: Config, spare: Sequence[str] = ()) -> Iterator[Opened]:
     with ExitStack() as closing:
         store = Store(config.state_folder)
         closing.callback(store.close)
+        if store.damage:
+            note("store_damaged", why=store.damage)
         session, config = _session(config, spare)
         bus = Bus(session)
         closing.callback(bus.close)
@@ -121,7 +140,8 @@ def run_monitor(config: Config, stop: Stop, say: Callable[[str], None], save: Pa
     Parameters
     ----------
     say
-        Called with lines for the user: one that begins with ``ready`` once it listens, one with the view's address.
+        Called with lines for the user: one that begins with ``ready`` once it listens, then the addresses of HTTP
+        and of the view.
     save
         Record the view into this file.
 
@@ -130,17 +150,29 @@ def run_monitor(config: Config, stop: Stop, say: Callable[[str], None], save: Pa
     OSError, ValueError
         As of `opened`.
     """
+    vitals, manager = Vitals(), Manager()
     with opened(config) as monitor:
+        http = monitor.serve(vitals)
         with stop.breaking_off():  # nothing is held yet: a compiler that has just begun need not end its work
             warm_up()
         if stop.is_set():
             return
         service = monitor.start()
         say(f"ready {monitor.where}: {len(monitor.loops) or 'all'} loops on {', '.join(config.subscribe)}")
+        if http:
+            say(f"http {http}")
         address = monitor.show(save)
         if address:
             say(f"view {address}")
-        service.run(stop)
+        manager.ready()
+
+        def ticked(seconds: float) -> None:
+            vitals.beat(service, seconds)
+            manager.alive()
+
+        service.run(stop, ticked)
+        manager.stopping()
+        service.finish()
 
 
 def _listen(config: Config) -> list[str]:
@@ -159,9 +191,8 @@ def _session(config: Config, spare: Sequence[str]) -> tuple[Any, Config]:
                 raise
             refusal = str(error)
             continue
-        for endpoint in listen:
-            if not any(local in endpoint for local in LOCAL):
-                log.warning("%s is open to the network: use TLS and access control, see config/", endpoint)
+        if foreign := [e for e in listen if not any(local in e for local in LOCAL)]:
+            note("network_open", address=", ".join(foreign))
         return session, replace(config, listen=listen)
     raise BusError(
         f"{_listen(config)[0]}, and {len(spare)} more up to {spare[-1]}: no endpoint is free ({refusal})"

@@ -6,7 +6,6 @@ published has been committed before.
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 from collections.abc import Callable
@@ -22,7 +21,7 @@ from monitor.contract.entries import Entries, Message
 from monitor.contract.loops import MOST_NAME_BYTES, Loop, LoopTable
 from monitor.contract.records import LoopRow, Record, event_id
 from monitor.contract.samples import Samples
-from monitor.contract.text import visible
+from monitor.contract.status import Status
 from monitor.contract.times import iso
 from monitor.engine import Engine
 from monitor.verdict.stale import mark_stale
@@ -33,16 +32,15 @@ from monitor.wire.encode import JSON_MIME, decode_event
 from .bus import Bus
 from .config import Config
 from .every import Every
+from .journal import note
 from .memories import Memories
 from .outbox import Outbox
 from .queries import Queries
 from .reorder import Reorder
 from .snapshot import OpenEvents
 from .staleness import Staleness
-from .status import Meter, Status, encode_status, status_of
+from .status import Meter, encode_status, status_of
 from .trends import Trends
-
-log = logging.getLogger("loopsight")
 
 TICK_MESSAGES, TICK_BYTES = 50_000, 16 * 2**20
 """Messages, and their bytes, taken from the inbox in one tick: a backlog does not hide all else."""
@@ -145,7 +143,7 @@ class Service:
             entries = self.decoder.decode(rest, self._clock() + round(self.config.future * 1e9))
             records += self._take_in_entries(entries, now, batches)
             for cause, key, why in self.decoder.refused:
-                log.warning("%s: %s: %s", cause, visible(key), visible(why))
+                note(f"refused_{cause}", key=key, why=why)
             more = self.decoder.settings is not None
             if self.decoder.settings is not None:
                 records += self._retuned(*self.decoder.settings)
@@ -222,8 +220,7 @@ class Service:
 
     def _set_back(self, row: int, first: int) -> list[Record]:
         """Begin anew at an earlier time, ``first`` [ns]: what was late since then is a gap."""
-        name = visible(self.loops[row].name)
-        log.warning("%s: its clock was set back to %s; it begins anew", name, iso(first))
+        note("clock_set_back", loop=self.loops[row].name, first=iso(first))
         return self.engine.set_back(row, first)
 
     def _register(self, name: str, key: str) -> int | None:
@@ -251,14 +248,9 @@ class Service:
         self.staleness.forget(row)
         self.trends.flag(row, False)
         self.queries.forget(loop.key)
-        log.warning("given up after a long silence: %s", visible(loop.name))
+        note("loop_given_up", loop=loop.name)
 
     # -- how things stand ---------------------------------------------------------------------------
-
-    @property
-    def ready(self) -> bool:
-        """Whether what comes in is heard, and what is found is kept."""
-        return self.outbox.stores and not self.staleness.silent
 
     def status(self) -> Status:
         """Return the monitor's health, for the bus and for ``loopsight status``."""
@@ -283,12 +275,7 @@ class Service:
             if self.engine.verdict(row) is not None:
                 self.trends.flag(row, danger(self.row(row)) <= TO_RETUNE)
         if rows:
-            waiting = len(self.engine.waiting)
-            log.info(
-                "what is known of %d loops is taken up again; %d events wait to be assessed",
-                len(rows),
-                waiting,
-            )
+            note("taken_up", count=len(rows), waiting=len(self.engine.waiting))
         self.outbox.catch_up()
 
     def _take_up_events(self) -> list[Record]:
@@ -313,7 +300,7 @@ class Service:
             elif event.id:
                 self.outbox.let_go(key, over)
         if left:
-            log.warning("%d events were open when the last run ended: interrupted", len(left))
+            note("events_interrupted", count=len(left))
         return left
 
     def _row_of(self, name: str, key: str) -> int:
@@ -323,12 +310,20 @@ class Service:
             row = self.decoder.register(name, key)
         return -1 if row is None else row
 
-    def run(self, stop: threading.Event) -> None:
-        """Tick until told to stop; then finish what is held."""
+    def run(self, stop: threading.Event, ticked: Callable[[float], None]) -> None:
+        """Tick until told to stop; what is held is for `finish`.
+
+        Parameters
+        ----------
+        ticked
+            Called after each tick with how long it took [s].
+        """
         while not stop.is_set():
-            if self.tick() == 0:
+            began = self._monotonic()
+            taken = self.tick()
+            ticked(self._monotonic() - began)
+            if taken == 0:
                 stop.wait(self.config.tick)
-        self.finish()
 
     def finish(self) -> None:
         """Work off the inbox and the window, close open events, store and publish.
@@ -351,10 +346,6 @@ class Service:
         self.outbox.send(self._monotonic(), at_once=True)
         self._open.keep(self.engine, self.reorder, self._clock())  # now there is none
         if self.engine.backlog or left > 0:
-            log.warning(
-                "stop: %d events are kept without an assessment, %d messages left",
-                self.engine.backlog,
-                max(left, 0),
-            )
+            note("stopped_early", count=self.engine.backlog, messages=max(left, 0))
         if len(self.outbox):
-            log.error("store: still failing; %d records are lost", len(self.outbox))
+            note("records_lost", count=len(self.outbox))

@@ -8,7 +8,6 @@ as for any gap. Plain arrays, no code: a file of other layouts is left alone.
 from __future__ import annotations
 
 import io
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,9 +20,8 @@ from monitor.adapters.files import write_bytes
 from monitor.contract.records import event_id
 from monitor.engine import Engine
 
+from .journal import note
 from .reorder import HELD_ENTRIES, Reorder
-
-log = logging.getLogger("loopsight")
 
 FILE_VERSION = 2
 """Of the file: goes up where the numbers mean something else than before."""
@@ -52,7 +50,7 @@ class OpenEvents:
         try:
             write(self.path, take(engine, reorder, now))
         except OSError as error:
-            log.debug("%s: %s", self.path, error)  # that the disk fails is said by the store
+            note("snapshot_failing", path=self.path, why=error)  # that the disk fails is said by the store
             return
         self._any = any_open
 
@@ -87,16 +85,14 @@ class OpenEvents:
         engine.follow()
         reorder.grow(len(engine.loops))
         if not fits(found, engine, reorder):
-            log.warning("open events of the last run are another version's; they are not taken up again")
+            note("snapshot_version")
             return set()
         onsets = found.arrays["onset"]
         ids = [event_id(str(n), int(onset)) for n, onset in zip(found.names, onsets, strict=True)]
         rows[[is_over(identity) for identity in ids]] = -1
         put_back(found, rows, engine, reorder, arrival)
         going_on = {identity for identity, row in zip(ids, rows, strict=True) if row >= 0}
-        log.warning(
-            "%d open events are taken up again after %.0f s", len(going_on), (now - found.time) * 1e-9
-        )
+        note("events_taken_up", count=len(going_on), seconds=(now - found.time) * 1e-9)
         return going_on
 
 
@@ -144,7 +140,7 @@ def read(path: Path) -> Snapshot | None:
     except FileNotFoundError:
         return None
     except Exception as error:  # noqa: BLE001 (a damaged file raises whatever its bytes lead to)
-        log.warning("%s: %s; open events of the last run are not taken up again", path, error)
+        note("snapshot_damaged", path=path, why=error)
         return None
     return Snapshot(names, keys, time, arrays, version)
 

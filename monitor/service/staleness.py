@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor.contract.loops import LoopTable
-from monitor.contract.text import visible
 from monitor.verdict.stale import LIVE, LastSamples, is_stale
 
-log = logging.getLogger("loopsight")
+from .journal import note
 
 NEVER_GOOD_SAMPLES = 30
 """Bad ones of a loop without a single good one after which it counts as stale, too."""
@@ -57,15 +55,15 @@ class Staleness:
         silent = bool(found) and len(found) == int(heard.sum())
         if silent != self.silent:  # said once, not for each loop
             self.silent = silent
-            log.warning("%s", "no good samples of any loop: not ready" if silent else "samples are back")
+            note("all_silent" if silent else "samples_back")
             return True
         if not silent:
             new = found - before
             bad = {k for k in new if last.bad_run[k] > 0}
-            changes = (("stale", new - bad), ("only bad samples", bad), ("heard again", before - found))
-            for what, rows in changes:
+            changes = (("loops_stale", new - bad), ("loops_bad", bad), ("loops_back", before - found))
+            for code, rows in changes:
                 if rows:
-                    log.warning("%s: %s", what, self._named(rows))
+                    note(code, count=len(rows), loops=self._named(rows))
         return False
 
     def register(self, row: int, now: float) -> None:
@@ -95,6 +93,6 @@ class Staleness:
 
     def _named(self, rows: Iterable[int]) -> str:
         """Name loops in a line, the first of them."""
-        names = [visible(self._loops[k].name) for k in sorted(rows)]
+        names = [self._loops[k].name for k in sorted(rows)]
         more = f" and {len(names) - NAMED_LOOPS} more" if len(names) > NAMED_LOOPS else ""
         return ", ".join(names[:NAMED_LOOPS]) + more

@@ -1,4 +1,4 @@
-"""The monitor's health: counters, rates and delays, as one record, the same on the bus and for ``loopsight status``."""
+"""How the monitor's health is collected, and its rates and delays."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Protocol
 import msgspec
 
 from monitor.contract.records import WORST_FIRST
+from monitor.contract.status import NOT_READY, LoopCounts, Rates, Status
 from monitor.contract.times import iso
 from monitor.engine import Engine
 from monitor.wire.decode import Decoder
@@ -20,81 +21,6 @@ from .trends import Trends
 
 FLAGGED_LOOPS, UNKNOWN_KEYS = 100, 20
 """Named in the status, at most."""
-
-
-class LoopCounts(msgspec.Struct, frozen=True, kw_only=True):
-    """Loops by verdict and by what they do."""
-
-    total: int
-    retune: int
-    inconclusive: int
-    good: int
-    not_assessed: int
-    open: int
-    """With an open event."""
-    stale: int
-
-
-class Rates(msgspec.Struct, frozen=True):
-    """What comes in [1/s]."""
-
-    messages: float
-    samples: float
-
-
-class Status(msgspec.Struct, frozen=True, kw_only=True):
-    """A monitor's health. Names and order are those of the JSON on the wire."""
-
-    id: str
-    time: str
-    uptime: float
-    """[s]"""
-    ready: bool
-    """Whether what comes in is heard, and what is found is kept."""
-    not_ready: list[str]
-    """Why: ``store`` fails, or all loops are ``silent``."""
-    loops: LoopCounts
-    flagged: list[str]
-    messages: int
-    dropped: int
-    """Messages for which there was no room."""
-    samples_ok: int
-    uncertain: int
-    bad_value: int
-    bad_quality: int
-    duplicate: int
-    conflict: int
-    late: int
-    malformed: int
-    too_large: int
-    unknown_loop: int
-    future: int
-    bad_time: int
-    missed_frames: int
-    repeated_frames: int
-    clock_steps: int
-    """Clocks of loops that were set back."""
-    clock_ahead: list[str]
-    stale: list[str]
-    disturbances: int
-    unknown: dict[str, int]
-    """Keys or names that no loop has, with how often they came."""
-    rates: Rates
-    queue: int
-    """Messages that wait."""
-    latency: float
-    """Longest wait of a message since the last status was published [s]."""
-    held: int
-    """Samples that are held for their order."""
-    reorder_overflow: int
-    """Samples let go before the window's end, for want of room."""
-    backlog: int
-    """Events that wait to be assessed."""
-    waiting_for_store: int
-    records_lost: int
-    """Because the store failed for too long."""
-    publish_failed: int
-    """Records that the bus would not take."""
 
 
 def encode_status(status: Status) -> bytes:
@@ -157,9 +83,8 @@ def status_of(monitor: str, parts: Parts, now: float, time: int) -> Status:
     samples_ok = counts.pop("ok")
     for name in ("late", "duplicate", "conflict"):
         counts[name] += getattr(parts.reorder, name)
-    not_ready = [
-        why for why, so in (("store", not parts.outbox.stores), ("silent", parts.staleness.silent)) if so
-    ]
+    reasons = (not parts.outbox.stores, not parts.bus.inbox.received, parts.staleness.silent)
+    not_ready = [why for why, so in zip(NOT_READY, reasons, strict=True) if so]
     causes = parts.decoder.causes
     return Status(
         id=monitor,

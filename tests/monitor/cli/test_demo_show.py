@@ -7,7 +7,7 @@ import pytest
 
 from monitor.cli.demo_show import DemoConsole
 from monitor.contract.records import Assessment, LoopRow, Suggestion
-from monitor.service.status import LoopCounts, Rates, Status
+from monitor.contract.status import LoopCounts, Rates, Status
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ def test_a_bad_configuration_names_file_and_field(tmp_path):
         ("colour = 1", "colour"),
         ("a b", "line 1"),
         ("loops = 5", "loops"),
+        ('http = "9464"', "http: '9464', expected a host and a port"),
     ):
         path.write_text(text)
         assert names in refused("monitor", "--config", str(path), names=str(path))

@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import sqlite3
 import subprocess
 import sys
 import threading
 import time
+import urllib.error
+import urllib.request
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -17,6 +20,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from monitor.adapters.loop_table import read_loop_table
 from monitor.adapters.store import Store, StoreError
@@ -29,6 +33,7 @@ from monitor.engine import Engine
 from monitor.service.config import Config
 from monitor.service.run import opened
 from monitor.service.service import Service
+from monitor.service.vitals import Vitals
 from sim_plants.export import write_rows
 from sim_plants.loops import Simulation
 from sim_plants.publish import Publisher
@@ -482,6 +487,51 @@ def test_another_endpoint_where_the_first_is_taken(endpoint, tmp_path):
         open_session("router", listen=[spare]).close()
     finally:
         session.close()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="needs AF_UNIX")
+def test_a_service_manager_is_told(endpoint, tmp_path, monkeypatch):
+    """READY once it is subscribed, WATCHDOG while ticks are completed and not while it is frozen, STOPPING."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(PATIENCE)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        monkeypatch.setenv("WATCHDOG_USEC", "400000")
+        monitor = Monitor(endpoint, tmp_path / "state")
+        said = [manager.recv(100) for _ in range(4)]
+        assert said == [b"READY=1", *[b"WATCHDOG=1"] * 3]
+        os.kill(monitor.process.pid, signal.SIGSTOP)
+        manager.settimeout(1.0)  # more than twice as long as it may take
+        with pytest.raises(TimeoutError):
+            list(iter(lambda: manager.recv(100), b""))
+        manager.settimeout(PATIENCE)
+        os.kill(monitor.process.pid, signal.SIGCONT)
+        assert manager.recv(100) == b"WATCHDOG=1"
+        assert monitor.end() == 0
+        assert b"STOPPING=1" in iter(lambda: manager.recv(100), b"")
+
+
+def test_http_tells_of_the_process(endpoint, tmp_path, caplog):
+    """Not ready before anything is heard, closed with the monitor; open to the network only with a warning."""
+    config = Config(listen=[endpoint], state=str(tmp_path))
+    vitals = Vitals()
+    with opened(config) as monitor:
+        assert monitor.serve(vitals) == ""
+    with opened(replace(config, http="127.0.0.1:0")) as monitor:
+        url = monitor.serve(vitals)
+        service = monitor.start()
+        service.tick()
+        vitals.beat(service, 0.0)
+        with pytest.raises(urllib.error.HTTPError, match="503") as refused:
+            urllib.request.urlopen(f"{url}/readyz", timeout=PATIENCE)
+        assert refused.value.read() == b"no_data: nothing has come in yet\n"
+        refused.value.close()
+    with pytest.raises(urllib.error.URLError):
+        urllib.request.urlopen(f"{url}/livez", timeout=PATIENCE)
+    assert caplog.messages == []
+    with opened(replace(config, http="0.0.0.0:0")) as monitor:
+        assert monitor.serve(vitals) in caplog.text
 
 
 def test_a_bus_without_a_router():

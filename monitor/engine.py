@@ -6,7 +6,7 @@ batched: detection works sample by sample, and a loop's assessment rests on that
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -60,7 +60,8 @@ class Engine:
         self.seen = SamplesSeen(self.detector, self.reporting)
         """What became of the samples."""
         self._histories: dict[int, LoopHistory] = {}
-        self._pending: list[WaitingEvent] = []
+        self.waiting: list[WaitingEvent] = []
+        """Events that have closed and are to be assessed, in order; those that another engine closed may be added."""
         self._diagnoses = Diagnoses(most_stretches)
         self._stretches: dict[int, list[Stretch]] = {}
         """By row: to be looked at before the row's next event, or when nothing else waits."""
@@ -89,13 +90,19 @@ class Engine:
         records = self._finish(row, BY_SETTINGS)
         self._declared.setdefault(row, self.loops[row])
         self.loops.replace(row, loop)
-        self._take_over(row)
+        self.take_over(row)
         self._history(row).retune(self.seen.last(row).time + 1, self.loops[row])
         self._diagnoses.forget(row)
         self._changed.add(row)
         return records
 
-    def _take_over(self, row: int) -> None:
+    def redeclared(self, row: int, loop: Loop) -> list[Record]:
+        """Take over a loop's row of the loop table, which is another one now."""
+        records = self.retuned(row, loop)
+        self._declared.pop(row)
+        return records
+
+    def take_over(self, row: int) -> None:
         """Take over a loop's ranges, limits and period, as its row has them now."""
         self.reporting.set_period(row, self.loops[row])
         self.detector.set_limits(row, self.loops[row])
@@ -123,8 +130,8 @@ class Engine:
     def _finish(self, row: int, cause: int) -> list[Record]:
         """End a loop's open event, and assess those that wait."""
         records = self._let_go([row]) + self._take(self.detector.flush([row], cause))
-        own = [waiting for waiting in self._pending if waiting.event.row == row]
-        self._pending = [waiting for waiting in self._pending if waiting.event.row != row]
+        own = [waiting for waiting in self.waiting if waiting.event.row == row]
+        self.waiting = [waiting for waiting in self.waiting if waiting.event.row != row]
         records += [record for waiting in own for record in self._assess(waiting)]
         self._look_at_stretches(row)
         return records
@@ -156,7 +163,7 @@ class Engine:
     def assess(self, most: int | None = None) -> list[Record]:
         """Assess waiting events, oldest first, then look at the controllers in stretches; at most ``most`` of both."""
         n = self.backlog if most is None else min(most, self.backlog)
-        now, self._pending = self._pending[:n], self._pending[n:]
+        now, self.waiting = self.waiting[:n], self.waiting[n:]
         records = [record for waiting in now for record in self._assess(waiting)]
         for row in sorted(self._stretches.keys() | self._diagnoses.waiting.keys())[: n - len(now)]:
             self._look_at_stretches(row)
@@ -167,7 +174,7 @@ class Engine:
     @property
     def backlog(self) -> int:
         """Events, and loops with stretches or blocks, that wait for `assess`."""
-        return len(self._pending) + len(self._stretches.keys() | self._diagnoses.waiting.keys())
+        return len(self.waiting) + len(self._stretches.keys() | self._diagnoses.waiting.keys())
 
     def close(self) -> list[Record]:
         """Close what is open, because the data end here; assessments wait for `assess`."""
@@ -198,7 +205,7 @@ class Engine:
                     )
                 )
             if closed is not None:
-                self._pending.append(WaitingEvent(closed, self.reporting.dead_band(closed.row)))
+                self.waiting.append(WaitingEvent(closed, self.reporting.dead_band(closed.row)))
         return records
 
     def _history(self, row: int) -> LoopHistory:
@@ -328,15 +335,6 @@ class Engine:
 
     # -- what outlives the process ------------------------------------------------------------------
 
-    @property
-    def waiting(self) -> list[WaitingEvent]:
-        """Events that have closed and are to be assessed, in order."""
-        return self._pending
-
-    def wait(self, events: Iterable[WaitingEvent]) -> None:
-        """Have events wait that another engine has closed."""
-        self._pending += events
-
     def take_changed(self) -> set[int]:
         """Return the rows of the loops of which more is known than when this was last asked."""
         changed, self._changed = self._changed, set()
@@ -358,8 +356,7 @@ class Engine:
         Parameters
         ----------
         declared, loop
-            Its row of the loop table then, and with what was said since. That holds, unless the row is another one
-            now: then this is the news.
+            Its row of the loop table then, and with what was said since: that holds, unless the row is another one now.
         memory
             What samples had shown; None: that cannot be read.
         """
@@ -367,19 +364,17 @@ class Engine:
         if memory is not None:
             if memory.history is not None:
                 self._histories[row] = memory.history
-            if memory.diagnosis is not None:
-                self._diagnoses.go_on(row, memory.diagnosis)
+            self._diagnoses.go_on(row, memory.diagnosis)
             self.detector.recall(row, memory.numbers)
             self.reporting.adopt(row, memory.numbers)
             self.seen.take_off(row)
         if table == declared != loop:
             self._declared[row] = table
             self.loops.replace(row, loop)
-            self._take_over(row)
+            self.take_over(row)
         elif table != declared:
             self.loops.replace(row, loop)
-            self.retuned(row, table)
-            self._declared.pop(row)
+            self.redeclared(row, table)
 
     # -- open events that outlive it as well --------------------------------------------------------
 

@@ -57,6 +57,12 @@ MESSAGES: dict[str, tuple[int, str]] = {
         "of {count} loops the settings hold; what else was known is another version's, and begins anew",
     ),
     "memory_damaged": (WARNING, "store: {key}: {why}; it begins anew"),
+    "reloaded": (
+        INFO,
+        "configuration read again: {added} loops new, {changed} changed, {removed} gone; {loops} now",
+    ),
+    "reload_refused": (ERROR, "configuration not taken over, the old one holds: {why}"),
+    "reload_later": (WARNING, "{names}: changed, in force after a restart"),
     "events_interrupted": (WARNING, "{count} events were open when the last run ended: interrupted"),
     "events_taken_up": (WARNING, "{count} open events are taken up again after {seconds:.0f} s"),
     "snapshot_version": (

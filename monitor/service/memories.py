@@ -73,10 +73,10 @@ class Memories:
         self._due |= dict.fromkeys(self._engine.take_changed())
         some = islice(self._due, int(KEPT_A_SECOND * min(now - self._kept_at, 1.0)))
         rows, gone = self._at_once | set(some), set(self._gone)
-        for row in rows:
-            self._store.keep_memory(self._of(row))
         for key in gone:
             self._store.drop_memory(key)
+        for row in rows:
+            self._store.keep_memory(self._of(row))
         waiting = {event_id(self._loops[w.event.row].name, w.event.onset): w for w in self._engine.waiting}
         for identity in waiting.keys() - self._waiting:
             one = waiting[identity]
@@ -149,7 +149,7 @@ class Memories:
             self._waiting.add(identity)  # one that does not wait any more goes with the next records
             row, known = self._loops.by_key.get(key), self._read(key, layout, payload, WaitingEvent)
             if row is not None and known is not None:
-                self._engine.wait([replace(known, event=replace(known.event, row=row))])
+                self._engine.waiting.append(replace(known, event=replace(known.event, row=row)))
 
     @staticmethod
     def _read(key: str, layout: str, payload: bytes, kind: type[_Kind]) -> _Kind | None:

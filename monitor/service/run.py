@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from monitor.adapters.http import Http, is_local, split_address
 from monitor.adapters.loop_table import read_loop_table
-from monitor.adapters.process import Stop
+from monitor.adapters.process import Hangup, Stop
 from monitor.adapters.store import Store
 from monitor.adapters.systemd import Manager
 from monitor.adapters.zenoh_bus import DEFAULT_ENDPOINT, Bus, BusError, open_session
@@ -31,6 +31,8 @@ from .service import Service
 from .vitals import Vitals
 from .warm_up import warm_up
 
+AT_ONCE = ("loops", "auto_register", "reorder_window", "future", "tick")
+"""Settings that are taken over while it runs; the others need another session, store or view."""
 LOCAL = ("127.0.0.1", "localhost", "[::1]", "unixsock")
 """In an endpoint that only this machine can reach."""
 
@@ -134,11 +136,15 @@ def opened(config: Config, spare: Sequence[str] = ()) -> Iterator[Opened]:
         yield Opened(config, loops, bus, store, endpoint, closing)
 
 
-def run_monitor(config: Config, stop: Stop, say: Callable[[str], None], save: Path | None = None) -> None:
-    """Run the service until ``stop`` is set.
+def run_monitor(
+    read: Callable[[], Config], stop: Stop, say: Callable[[str], None], save: Path | None = None
+) -> None:
+    """Run the service until ``stop`` is set; SIGHUP has it read its configuration and loop table again.
 
     Parameters
     ----------
+    read
+        Reads the configuration; `ConfigError` where it is wrong.
     say
         Called with lines for the user: one that begins with ``ready`` once it listens, then the addresses of HTTP
         and of the view.
@@ -150,15 +156,15 @@ def run_monitor(config: Config, stop: Stop, say: Callable[[str], None], save: Pa
     OSError, ValueError
         As of `opened`.
     """
-    vitals, manager = Vitals(), Manager()
-    with opened(config) as monitor:
+    vitals, manager, asked = Vitals(), Manager(), read()
+    with opened(asked) as monitor, Hangup() as hangup:
         http = monitor.serve(vitals)
         with stop.breaking_off():  # nothing is held yet: a compiler that has just begun need not end its work
             warm_up()
         if stop.is_set():
             return
         service = monitor.start()
-        say(f"ready {monitor.where}: {len(monitor.loops) or 'all'} loops on {', '.join(config.subscribe)}")
+        say(f"ready {monitor.where}: {len(monitor.loops) or 'all'} loops on {', '.join(asked.subscribe)}")
         if http:
             say(f"http {http}")
         address = monitor.show(save)
@@ -167,12 +173,40 @@ def run_monitor(config: Config, stop: Stop, say: Callable[[str], None], save: Pa
         manager.ready()
 
         def ticked(seconds: float) -> None:
+            nonlocal asked
             vitals.beat(service, seconds)
             manager.alive()
+            if hangup.take():
+                asked = read_again(service, read, asked)
 
         service.run(stop, ticked)
         manager.stopping()
         service.finish()
+
+
+def read_again(service: Service, read: Callable[[], Config], before: Config) -> Config:
+    """Read configuration and loop table as a whole and go over to them, or say why the old ones hold.
+
+    Parameters
+    ----------
+    before
+        The configuration as it was read last; returned where it still holds, else the new one.
+    """
+    try:
+        config = read()
+        table = read_loop_table(config.loops) if config.loops else LoopTable([])
+    except (ValueError, OSError) as error:
+        note("reload_refused", why="; ".join(str(error).splitlines()))
+        return before
+    later = [
+        name
+        for name in config.__struct_fields__
+        if name not in AT_ONCE and getattr(config, name) != getattr(before, name)
+    ]
+    if later:
+        note("reload_later", names=", ".join(later))
+    service.reload(replace(service.config, **{name: getattr(config, name) for name in AT_ONCE}), table)
+    return config
 
 
 def _listen(config: Config) -> list[str]:

@@ -100,8 +100,7 @@ class Service:
         self.config, self.loops, self.bus, self.store = config, loops, bus, store
         self.engine = Engine(loops, MOST_STRETCHES)
         self.reorder = Reorder(len(loops), config.reorder_window)
-        register = self._register if config.auto_register or not config.loops else None
-        self.decoder = Decoder(loops, register)
+        self.decoder = Decoder(loops, self._who_registers())
         self.memories = Memories(loops, self.engine, self.reorder, store, now)
         self.outbox = Outbox(loops, bus, store, self.memories, self.row)
         self.queries = Queries(config.id, self.engine, store, self.row, lambda: encode_status(self.status()))
@@ -195,6 +194,7 @@ class Service:
         if self._tidy.due(now):
             for row in self.staleness.overdue(self.reorder.state["arrival"], now):
                 self._retire(row)
+                note("loop_given_up", loop=self.loops[row].name)
             if self.outbox.tidy(self._clock()):
                 self._tidy.postpone(now + TIDY_AGAIN_S)
         if self._snapshot.due(now):
@@ -213,10 +213,14 @@ class Service:
     def _retuned(self, row: int, loop: Loop) -> list[Record]:
         """Go over to a loop's new settings, ranges and period."""
         records = self.engine.retuned(row, loop)
+        self._start_anew(row)
+        return records
+
+    def _start_anew(self, row: int) -> None:
+        """Let a loop have no flag and no row of an earlier run, and keep what it is from now on."""
         self.memories.hasten(row)
         self.trends.flag(row, False)
-        self.queries.forget(loop.key)
-        return records
+        self.queries.forget(self.loops[row].key)
 
     def _set_back(self, row: int, first: int) -> list[Record]:
         """Begin anew at an earlier time, ``first`` [ns]: what was late since then is a gap."""
@@ -238,8 +242,7 @@ class Service:
         return row
 
     def _retire(self, row: int) -> None:
-        """Give up a loop that registered itself and has been silent for long."""
-        loop = self.loops[row]
+        """Watch a loop no more; an open event of it ends."""
         self._publish(self.engine.retire(row))
         self.memories.forget(row)
         self.reorder.forget(row)
@@ -247,8 +250,45 @@ class Service:
         self.loops.remove(row)
         self.staleness.forget(row)
         self.trends.flag(row, False)
-        self.queries.forget(loop.key)
-        note("loop_given_up", loop=loop.name)
+        self.queries.forget(self.loops[row].key)
+
+    def _who_registers(self) -> Callable[[str, str], int | None] | None:
+        """Return what watches loops that are in no table; None where nobody does."""
+        return self._register if self.config.auto_register or not self.config.loops else None
+
+    def reload(self, config: Config, table: LoopTable) -> None:
+        """Go over to another configuration and loop table, between two ticks; loops that stay lose nothing.
+
+        What is open already (session, store, view) stays as it is.
+        """
+        self.config = config
+        self.decoder.register = self._who_registers()
+        self.reorder.window = round(config.reorder_window * 1e9)
+        added = changed = removed = 0
+        for row in list(self.loops.by_name.values()):
+            old = self.loops[row]
+            new = table.by_name.get(old.name)
+            if new is None and self.staleness.is_registered(row) and self.decoder.register is not None:
+                continue
+            if new is None or table[new].key != old.key:
+                self._retire(row)
+                removed += 1
+        records: list[Record] = []
+        for loop in table:
+            known = self.loops.by_name.get(loop.name)
+            if known is None:
+                row = self.loops.add(loop)
+                self.engine.follow()
+                self.engine.take_over(row)
+                added += 1
+            elif self.engine.declared(known) != loop:
+                records += self.engine.redeclared(known, loop)
+                self._start_anew(known)
+                self.staleness.forget(known)
+                changed += 1
+        self.reorder.grow(len(self.loops))
+        self._publish(records)
+        note("reloaded", added=added, changed=changed, removed=removed, loops=len(self.loops.by_name))
 
     # -- how things stand ---------------------------------------------------------------------------
 

@@ -70,6 +70,10 @@ class Staleness:
         """Note a loop that is in no table, first heard at ``now`` [s, monotonic]."""
         self._registered[row] = now
 
+    def is_registered(self, row: int) -> bool:
+        """Whether a loop is in no table."""
+        return row in self._registered
+
     def overdue(self, arrival: NDArray[np.float64], now: float) -> list[int]:
         """Return the loops of no table that have been silent for so long that they are given up.
 

@@ -44,7 +44,7 @@ def taken_over(engine: Engine, table: list[Loop]) -> Engine:
     for waiting in engine.waiting:
         known = decode(encode(waiting))
         assert isinstance(known, WaitingEvent)
-        other.wait([known])
+        other.waiting.append(known)
     return other
 
 

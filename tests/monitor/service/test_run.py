@@ -254,6 +254,25 @@ def test_ready_stop_and_all_that_is_stored(plant, start, client):
     assert any(e["state"] == "interrupted" for e in events.values())
 
 
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="no SIGHUP on this system")
+def test_sighup_reads_the_loop_table_again(start, client, tmp_path):
+    """A wrong table is refused, the old one holds; a right one is taken over at the next tick."""
+    table = tmp_path / "loops.csv"
+    table.write_text("name,kp\nA,1\n")
+    monitor = start(table)
+    session = client()
+    until(lambda: health(session))
+    table.write_text("name,kp\nA,0\n")
+    monitor.process.send_signal(signal.SIGHUP)
+    until(lambda: "reload_refused" in monitor.said())
+    assert "kp" in monitor.said()
+    table.write_text("name,kp\nA,2\nB,1\n")
+    monitor.process.send_signal(signal.SIGHUP)
+    until(lambda: health(session)["loops"]["total"] == 2)
+    assert monitor.end() == 0
+    assert "1 loops new, 1 changed, 0 gone; 2 now" in monitor.said()
+
+
 @pytest.mark.slow
 def test_sigint_and_idle(start):
     """Ctrl-C without any data: exit 0."""

@@ -71,7 +71,7 @@ def test_a_retune_goes_on_part_by_part_over_a_restart():
             assert known.history is not None
             assert known.history.under_way
             engine, before = Engine(LoopTable([SLOW])), engine
-            engine.recall(0, SLOW, loop, known)
+            engine.recall(0, before.declared(0), before.loops[0], known)
             assert engine.row(0) == before.row(0)
         rows.append(after(engine, loop, part))
     assert len(rows) > 2

@@ -22,7 +22,7 @@ from tuners.models import INTEGRATING
 
 from .direct import parts_of_pv
 from .fit import Fit
-from .projection import Beside, innovations
+from .projection import Beside, filter_of, innovations
 from .window import op_from_rest
 
 MOST_CELLS = 400
@@ -207,8 +207,9 @@ def _cells(window: EventWindow, fit: Fit) -> _Cells | None:
     walk = fit.wander
     beside = Beside(False) if walk is None else Beside(False, walk.order, walk.ratio * each)
     if walk is not None:
+        by = filter_of(at[::each].copy(), beside)
         for x in (r, *parts):
-            innovations(x, at[::each].copy(), beside)
+            innovations(x, by.walk)
     basis = _orthonormal(np.column_stack(parts))
     r = r - basis @ (basis.T @ r)
     op = np.ascontiguousarray(np.mean(held.reshape(n, each), axis=1))
@@ -230,7 +231,7 @@ def _responses(u, step, omega, damping, beside):
     """
     n = len(u)
     out = np.empty((2 * len(omega), n))
-    at = step * np.arange(n)
+    by = filter_of(step * np.arange(n), beside)
     for k in range(len(omega)):
         w, zeta = omega[k], damping[k]
         root = math.sqrt(1.0 - zeta * zeta)
@@ -245,7 +246,6 @@ def _responses(u, step, omega, damping, beside):
             out[2 * k, i] = a
             out[2 * k + 1, i] = b
             a, b = a_next, b_next
-        if beside.order > 0:
-            innovations(out[2 * k], at, beside)
-            innovations(out[2 * k + 1], at, beside)
+        innovations(out[2 * k], by.walk)
+        innovations(out[2 * k + 1], by.walk)
     return out

@@ -114,6 +114,10 @@ class Diagnosis:
     """Of it, in blocks in which PV does not move, but SP or OP does [s]."""
     evidence: list[ValveEvidence | None] = field(default_factory=lambda: [None, None])
     """Of the valve, by level."""
+    valves: list[tuple[ValveEvidence, tuple[Valve | None, float]] | None] = field(
+        default_factory=lambda: [None, None]
+    )
+    """What that showed when it was last asked, by level."""
     two_valued: float | None = None
     two: float = 0.0
     """Of the judged time, in blocks in which OP has two values [s]."""
@@ -164,6 +168,14 @@ class Diagnosis:
         if seen is not None:
             self.evidence[block.level] = seen if before is None else merged(before, seen)
 
+    def _valve(self, level: int) -> tuple[Valve | None, float]:
+        """Return what the evidence of a level shows; it is worked out once."""
+        evidence, known = self.evidence[level], self.valves[level]
+        assert evidence is not None
+        if known is None or known[0] is not evidence:
+            known = self.valves[level] = evidence, valve_and_support(evidence)
+        return known[1]
+
     def _listen(self, block: Block) -> None:
         """Keep a stretch in which PV does not answer; a later block in which it does takes it back."""
         silent = no_response_of(block.sp, block.pv, block.op, block.period)
@@ -189,7 +201,7 @@ class Diagnosis:
         own = max(self.episodes, key=lambda e: e.oscillating_share or 0.0)
         said = tracking_verdict(list(self.moves))
         within = max((m.delay + 3.0 * m.lag for m in self.moves if m.verdict == said), default=None)
-        seen = [valve_and_support(e) for e in self.evidence if e is not None]
+        seen = [self._valve(level) for level, e in enumerate(self.evidence) if e is not None]
         valves = [valve for valve, _ in seen if valve is not None]
         return Signs(
             valve=max(valves, key=lambda v: v.strength, default=None),

@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.median import median
+
 SWING_SHARE = (0.55, 0.38)
 """Of the band, by which OP swings while play, or stick, rests, for a rest to count."""
 LEVELS = 150
@@ -68,7 +70,7 @@ def rests_of(op: Array, v: Array, w: float, shape: int, pv_means: tuple[Array, f
     return (
         len(quiet),
         share / n,
-        float(np.median(quiet)) / pv_range,
+        median(quiet) / pv_range,
         travel,
-        float(np.median(straight)) / pv_range,
+        median(straight) / pv_range,
     )

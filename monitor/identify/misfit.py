@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from monitor.compiled import jit
 from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
+from monitor.median import median
 from tuners.models import INTEGRATING
 
 from .direct import parts_of_pv
@@ -186,7 +187,7 @@ def _cells(window: EventWindow, fit: Fit) -> _Cells | None:
     # what came beside a set-point step may as well be the model's error
     moved = parts_of_pv(window, fit if fit.size is not None else replace(fit, other=None))
     span = float(t[-1] - t[0])
-    fine = max(float(np.median(np.diff(t))), span / MOST_FINE_POINTS)
+    fine = max(median(np.diff(t)), span / MOST_FINE_POINTS)
     count = int(span / fine * (1.0 + 1e-9)) + 1
     each = -(-count // MOST_CELLS)
     n = count // each

@@ -49,7 +49,9 @@ def test_innovations_are_generalised_least_squares(n, order, ratio, sloped, seed
     free = np.vander(t - t[0], 2 if order == 2 or sloped else 1, increasing=True)
     inverse = np.linalg.inv(covariance(t, order, ratio))
     weight = inverse - inverse @ free @ np.linalg.inv(free.T @ inverse @ free) @ free.T @ inverse
-    found = np.column_stack([project(c.copy(), filter_of(t, Beside(sloped, order, ratio))) for c in columns.T])
+    found = np.column_stack(
+        [project(c.copy(), filter_of(t, Beside(sloped, order, ratio))) for c in columns.T]
+    )
     np.testing.assert_allclose(found.T @ found, columns.T @ weight @ columns, rtol=1e-4, atol=1e-5)
 
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.median import median
+
 SWING_SHARE = (0.55, 0.38)
 """Of the band, by which OP swings while play, or stick, rests, for a rest to count."""
 LEVELS = 150
@@ -45,9 +47,12 @@ def rests_of(op: Array, v: Array, w: float, shape: int, pv_means: tuple[Array, f
     moves = np.diff(v)
     travel = float(np.abs(moves).sum()) / w
     ends = np.concatenate([[0], np.flatnonzero(moves) + 1, [n]])
-    long = np.flatnonzero(np.diff(ends) >= LEAST_RUN_AVERAGES * m)
+    begins = ends[:-1]
+    # what is left of a range without its edges is no larger than all of it
+    ranges = np.maximum.reduceat(op, begins) - np.minimum.reduceat(op, begins)
+    long = np.flatnonzero((np.diff(ends) >= LEAST_RUN_AVERAGES * m) & (ranges > SWING_SHARE[shape] * w))
     quiet, straight, share = [], [], 0
-    for begin, end in zip(ends[long], ends[long + 1], strict=True):
+    for begin, end in zip(ends[long].tolist(), ends[long + 1].tolist(), strict=True):
         ordered = np.sort(op[begin:end])
         edge = int(EDGE_SHARE * len(ordered))
         if ordered[len(ordered) - 1 - edge] - ordered[edge] <= SWING_SHARE[shape] * w:
@@ -59,13 +64,13 @@ def rests_of(op: Array, v: Array, w: float, shape: int, pv_means: tuple[Array, f
         at = np.arange(len(late)) - 0.5 * (len(late) - 1)
         late = late - at * (float(at @ late) / float(at @ at))
         straight.append(float(late.max() - late.min()))
-        share += int(end - begin)
+        share += end - begin
     if not quiet:
         return 0.0, 0.0, 1.0, travel, 1.0
     return (
         len(quiet),
         share / n,
-        float(np.median(quiet)) / pv_range,
+        median(quiet) / pv_range,
         travel,
-        float(np.median(straight)) / pv_range,
+        median(straight) / pv_range,
     )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.contract.samples import Array
+from monitor.median import median
 
 from .controller_law import (
     INTEGRAL,
@@ -150,13 +151,13 @@ def walk_share(rows: Rows, law: tuple[float, ...], active: NDArray[np.int64], ga
     return out
 
 
-def jumps(innovations: Array, use: NDArray[np.bool_], floor: float) -> NDArray[np.intp]:
-    """Return the rows at which OP jumped, by what is left of its innovations; none where they are many."""
-    size = np.abs(innovations)
-    told = size[use]
-    sd = 1.4826 * float(np.median(told)) if len(told) else 0.0
-    at = np.flatnonzero(use & (size > max(JUMP_SD * sd, floor)))
-    return at if len(at) <= max(MOST_JUMPS_SHARE * len(told), 2) else at[:0]
+def jumps(size: Array, use: NDArray[np.bool_], floor: float, usual: float) -> NDArray[np.intp]:
+    """Return the rows at which OP jumped, by the size of its innovations; none where they are many.
+
+    ``usual`` is the median of their size.
+    """
+    at = np.flatnonzero(use & (size > max(JUMP_SD * (1.4826 * usual), floor)))
+    return at if len(at) <= max(MOST_JUMPS_SHARE * np.count_nonzero(use), 2) else at[:0]
 
 
 def trimmed(rows: Rows, law: tuple[float, ...], active: NDArray[np.int64], floor: float) -> Rows:
@@ -168,12 +169,17 @@ def trimmed(rows: Rows, law: tuple[float, ...], active: NDArray[np.int64], floor
     every, _, _ = whitened(x, rows.op, rows.use, rows.fresh, 1.0)
     kept = every
     at = np.zeros(0, np.intp)
+    size: Array | None = None
     for part in (0.5, 0.25, 0.1, 0.0, 0.0, 0.0):
-        gains, _ = solved(products(kept), active)
-        rest = every[:, OP] - every[:, :OP] @ gains
-        at = jumps(rest, rows.use, max(floor, part * float(np.max(np.abs(rest)))))
-        kept = every.copy()
-        kept[at] = 0.0
+        if size is None:
+            gains, _ = solved(products(kept), active)
+            size = np.abs(every[:, OP] - every[:, :OP] @ gains)
+            told = size[rows.use]
+            largest, usual = float(np.max(size)), median(told) if len(told) else 0.0
+        found = jumps(size, rows.use, max(floor, part * largest), usual)
+        if not np.array_equal(found, at):  # of the same rows, the law is the same
+            at, size, kept = found, None, every.copy()
+            kept[at] = 0.0
     return rows.restarted(at) if len(at) else rows
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from monitor.advise.candidates import rule_mismatch
 from monitor.advise.evidence import Evidence
@@ -31,6 +30,7 @@ from monitor.contract.records import (
 from monitor.detect.event import EventWindow
 from monitor.identify.fit import Fit, combine, same_process
 from monitor.identify.misfit import ModelError
+from monitor.median import median
 from tuners.models import Model
 
 from .in_force import InForce, change_in_words
@@ -307,7 +307,7 @@ def _advise(history: LoopHistory, tuning: Tuning, joint: Fit, short: str) -> tup
     loop, evidence = history.loop, history.evidence(joint)
     if tuning.verdict != RETUNE:  # a step in spite of the model's error is for a loop in need
         evidence = replace(evidence, soft_step=False)
-    noise, period = float(np.median([f.noise for f in history.usable])), history.usable[-1].period
+    noise, period = median([f.noise for f in history.usable]), history.usable[-1].period
     old = history.standing
     if old is not None and _inside(joint, old.fit):
         still = renewed(old.advice, loop, joint, noise, period, evidence)
@@ -366,4 +366,4 @@ def _since_retune(before: Tuning | None, now: Tuning) -> str:
 
 def _median(values: list[float | None]) -> float | None:
     known = [v for v in values if v is not None]
-    return float(np.median(known)) if known else None
+    return median(known) if known else None

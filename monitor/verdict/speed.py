@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from monitor.advise.prediction import predict, references_of
 from monitor.assess.event import Finding
 from monitor.assess.index import index_on
@@ -13,6 +11,7 @@ from monitor.assess.tuning import current_sensitivity, indices_to_come
 from monitor.contract.loops import Loop
 from monitor.contract.records import LOAD, SETPOINT
 from monitor.identify.fit import Fit
+from monitor.median import median
 
 SHORT_RATIO = 1.25
 """Times ``ci_min`` below which the model foresees that a retuned loop is still too slow. The dead time that a fit finds
@@ -36,7 +35,7 @@ def indices(loop: Loop, joint: Fit, findings: list[Finding]) -> tuple[float | No
             ci = index_on(loop, joint, (kind, size, finding.error), finding.period)
         if ci is not None:
             found[kind].append(ci)
-    of_setpoint, of_load = (float(np.median(v)) if v else None for v in found.values())
+    of_setpoint, of_load = (median(v) if v else None for v in found.values())
     return of_setpoint, of_load
 
 

@@ -58,7 +58,7 @@ class Finding:
 def check_file(
     path: Path, tz: str | None = None, time_unit: str | None = None, given: ExportMapping = NO_MAPPING
 ) -> Finding:
-    """Check a configuration (``.toml``), a loop table or a data file (``.csv``, ``.parquet``, ``.toml``).
+    """Check a configuration (``.toml``; Zenoh's own: ``.json5``), a loop table or a data file.
 
     Parameters
     ----------
@@ -77,6 +77,8 @@ def check_file(
     if not path.is_file():
         return Finding(problems=[f"{path}: no such file"])
     try:
+        if path.suffix == ".json5":
+            return _zenoh(path)
         if path.suffix == ".toml":
             text = path.read_text(encoding="utf-8")
             return _table(path) if isinstance(tomllib.loads(text).get("loop"), list) else _config(path)
@@ -133,6 +135,16 @@ def _beside(path: Path) -> dict[str, Loop]:
 
 def _config(path: Path) -> Finding:
     return Finding("configuration", problems(path))
+
+
+def _zenoh(path: Path) -> Finding:
+    from monitor.adapters.zenoh_bus import read_config  # noqa: PLC0415 (the library takes its time)
+
+    try:
+        read_config(str(path))
+    except OSError as error:
+        return Finding("configuration of Zenoh", str(error).splitlines())
+    return Finding("configuration of Zenoh")
 
 
 def _has_names(path: Path) -> bool:

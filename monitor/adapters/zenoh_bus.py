@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -22,6 +23,20 @@ CONNECT_WITHIN_MS = 3000
 """How long a session that is opened waits for the other side."""
 RECONNECT = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}
 """A router that comes back is found within a second; set as one object, single fields are refused."""
+OURS = ("mode", "connect/endpoints", "listen/endpoints")
+"""What a file of Zenoh's own may not set: it is said in one place, with all else of the monitor's."""
+_DEFAULTS = {path: zenoh.Config().get_json(path) for path in OURS}
+FILES = (
+    *(
+        f"transport/link/tls/{n}"
+        for n in (
+            "root_ca_certificate", "listen_certificate", "listen_private_key", "connect_certificate",
+            "connect_private_key",
+        )
+    ),
+    "transport/auth/usrpwd/dictionary_file",
+)  # fmt: skip
+"""Files that such a file names."""
 QUESTION_BYTES = 64 * 1024
 """Bytes of a query's payload above which it is left unread."""
 
@@ -35,6 +50,7 @@ def open_session(
     connect: Sequence[str] = (),
     listen: Sequence[str] = (),
     options: Mapping[str, Any] | None = None,
+    file: str = "",
 ) -> Any:
     """Open a Zenoh session without scouting.
 
@@ -46,13 +62,15 @@ def open_session(
         Endpoints, e.g. ``tcp/127.0.0.1:7447``.
     options
         Further settings of Zenoh's configuration, by path.
+    file
+        A configuration of Zenoh's own (TLS, access control, passwords); empty: none.
 
     Raises
     ------
     BusError
-        One line: the endpoint and what was wrong.
+        One line: the endpoint, or the file, and what was wrong.
     """
-    config = zenoh.Config()
+    config = read_config(file) if file else zenoh.Config()
     settings: dict[str, Any] = {
         "mode": mode,
         "scouting/multicast/enabled": False,
@@ -71,8 +89,45 @@ def open_session(
         return zenoh.open(config)
     except zenoh.ZError as error:
         where = ", ".join([*connect, *listen])
-        why = re.split(r" at /| \[", str(error).splitlines()[0])[0]  # without the library's own source lines
-        raise BusError(f"{where}: cannot open a Zenoh session: {why}") from None
+        raise BusError(f"{where}: cannot open a Zenoh session: {_why(error)}") from None
+
+
+def read_config(file: str) -> zenoh.Config:
+    """Read a configuration of Zenoh's own.
+
+    Raises
+    ------
+    BusError
+        One line for each problem: it cannot be read, it sets what is not its business, a file that it names is missing.
+    """
+    try:
+        config = zenoh.Config.from_file(file)
+    except zenoh.ZError as error:
+        raise BusError(f"{file}: {_why(error)}") from None
+    wrong = [
+        f"{file}: {path}: expected in the monitor's configuration, or on the command line"
+        for path in OURS
+        if config.get_json(path) != _DEFAULTS[path]
+    ]
+    for path in FILES:
+        name = json.loads(config.get_json(path))
+        if name is not None and not os.access(name, os.R_OK):
+            wrong.append(f"{file}: {path}: {name}: no such file, or it may not be read")
+    if wrong:
+        raise BusError("\n".join(wrong))
+    return config
+
+
+def _why(error: zenoh.ZError) -> str:
+    """Say in a line what Zenoh complains of, without the library's own source lines."""
+    text = str(error)
+    message = re.search(r'msg: "(.*?)", location: Some\(Location { line: (\d+)', text)
+    place = re.search(r" --> (\d+):", text)
+    if message:
+        return f"line {message[2]}: {message[1].split(' at /')[0]}"
+    if place:  # drawn over several lines
+        return f"line {place[1]}: {text.rpartition('= ')[2].split(' at /')[0]}"
+    return re.split(r" at /| \[", text.splitlines()[0])[0].removesuffix(" to any of")
 
 
 class Question:

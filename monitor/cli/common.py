@@ -68,6 +68,16 @@ def parent_option(command: Callable[..., None]) -> Callable[..., None]:
     )(command)
 
 
+def zenoh_option(command: Callable[..., None]) -> Callable[..., None]:
+    """Add ``--zenoh``, by which a command reaches a bus that asks who it is."""
+    return click.option(
+        "--zenoh",
+        default="",
+        metavar="FILE",
+        help="Zenoh's own configuration (.json5): TLS, certificates, passwords; see config/zenoh.",
+    )(command)
+
+
 def since_audit_option(command: Callable[..., None]) -> Callable[..., None]:
     """Add ``--since-audit``, by which page one of a report says what has changed since an earlier audit."""
     return click.option(

@@ -24,6 +24,11 @@ from .common import Command, Refused
     metavar="ENDPOINT",
     help="Listen here, as a router.  [default: tcp/127.0.0.1:7447]",
 )
+@click.option(
+    "--zenoh",
+    type=click.Path(dir_okay=False),
+    help="Zenoh's own configuration (.json5): TLS, access control, passwords; see config/zenoh.",
+)
 @click.option("--state", type=click.Path(file_okay=False), help="Folder for what is kept.")
 @click.option("--view", type=click.Choice(["web", "native", "none"]), help="Show flagged loops in Rerun.")
 @click.option(

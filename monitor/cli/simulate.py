@@ -9,7 +9,7 @@ import click
 
 from sim_plants.export_layouts import LAYOUTS
 
-from .common import Command, Refused, parent_option
+from .common import Command, Refused, parent_option, zenoh_option
 
 if TYPE_CHECKING:
     from sim_plants.loops import LoopSpec
@@ -43,6 +43,7 @@ def scenario_loops(name: str, seed: int) -> list[LoopSpec]:
               help="Write an export here instead: data.parquet, loops.csv, truth.csv, truth_events.csv.")  # fmt: skip
 @click.option("--layout", metavar="NAME", type=click.Choice(sorted(LAYOUTS)),
               help=f"With --out: as a system exports it: {', '.join(sorted(LAYOUTS))}.")  # fmt: skip
+@zenoh_option
 @parent_option
 def simulate(
     loops: int | None, scenario: str | None, plant: Path | None, seed: int, hours: float, out: Path | None,
@@ -91,6 +92,7 @@ def _publish(
     payload: Payload,
     seconds: float | None,
     parent: int | None,
+    zenoh: str,
 ) -> None:
     import time
 
@@ -101,7 +103,7 @@ def _publish(
 
     with Stop(parent=parent) as stop:
         try:
-            session = open_session("client", connect=[connect])
+            session = open_session("client", connect=[connect], file=zenoh)
         except BusError as error:
             raise Refused(str(error)) from None
         try:

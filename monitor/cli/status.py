@@ -9,7 +9,7 @@ import click
 from monitor.contract.status import NOT_READY
 from monitor.contract.text import visible
 
-from .common import Command, Refused
+from .common import Command, Refused, zenoh_option
 
 ANSWER_WITHIN_S = 3.0
 """How long monitors may take to answer [s]."""
@@ -22,14 +22,15 @@ REFUSED = (
 
 @click.command(cls=Command, epilog="Example: loopsight status --json")
 @click.option("--connect", default="tcp/127.0.0.1:7447", show_default=True, metavar="ENDPOINT")
+@zenoh_option
 @click.option("--json", "as_json", is_flag=True, help="One JSON object for each monitor.")
-def status(connect: str, as_json: bool) -> None:
+def status(connect: str, zenoh: str, as_json: bool) -> None:
     """Ask running monitors: alive, loops, rates, what was refused and why, flagged loops.
 
     Exit 0 when at least one answers, 2 when none does.
     """
     try:
-        answers = ask_monitors(connect)
+        answers = ask_monitors(connect, zenoh)
     except OSError as error:
         raise Refused(str(error)) from None
     if not answers:
@@ -37,8 +38,13 @@ def status(connect: str, as_json: bool) -> None:
     show(answers, as_json)
 
 
-def ask_monitors(endpoint: str) -> list[dict[str, Any]]:
+def ask_monitors(endpoint: str, zenoh: str = "") -> list[dict[str, Any]]:
     """Return the health of every monitor that answers at an endpoint.
+
+    Parameters
+    ----------
+    zenoh
+        Zenoh's own configuration (.json5); empty: none.
 
     Raises
     ------
@@ -50,7 +56,7 @@ def ask_monitors(endpoint: str) -> list[dict[str, Any]]:
     from monitor.adapters.zenoh_bus import ask, open_session
     from monitor.contract import keys
 
-    session = open_session("client", connect=[endpoint])
+    session = open_session("client", connect=[endpoint], file=zenoh)
     try:
         replies = ask(session, keys.monitor_status("*"), ANSWER_WITHIN_S)
     finally:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from .common import Command, Failed, Refused, parent_option
+from .common import Command, Failed, Refused, parent_option, zenoh_option
 
 if TYPE_CHECKING:
     from monitor.view.drawing import Draw
@@ -39,22 +39,21 @@ AUDIT_FILE = "audit.json"
 )
 @click.option("--save", type=click.Path(dir_okay=False, path_type=Path), help="Record into this .rrd file.")
 @click.option("--open", "browser", is_flag=True, help="Open the web page in the default browser.")
+@zenoh_option
 @parent_option
 def view(
     file: Path | None,
     connect: str | None,
     event: str | None,
     state: Path | None,
-    how: str,
-    save: Path | None,
-    browser: bool,
     parent: int | None,
+    **wanted: Any,
 ) -> None:
     """Look at flagged loops in Rerun: live, one event, an audit, or a recording.
 
     Prints one line with the address to open. Everything stays on this machine's loopback interface.
     """
-    _check(file, connect, event, how, save)
+    _check(file, connect, event, wanted["how"], wanted["save"])
     if state is not None and (connect or not event):
         raise Refused("--state DIR goes with --event ID, and with no --connect")
     from monitor.adapters.process import Stop
@@ -62,17 +61,17 @@ def view(
     from monitor.view.process import LAST_WORD_S
     from monitor.view.run import Wanted, look_back, show, watch
 
-    wanted = Wanted(how, save, event or "", browser)
+    what = Wanted(event=event or "", **wanted)
     with Stop(LAST_WORD_S, 0, parent) as stop:
         try:
             if state is not None:
-                look_back(partial(_stored, state, wanted.event), wanted, stop)
+                look_back(partial(_stored, state, what.event), what, stop)
             elif file is None:
-                watch(connect or ENDPOINT, wanted, stop)
+                watch(connect or ENDPOINT, what, stop)
             elif file.is_dir():
-                look_back(partial(_audit, file), wanted, stop)
+                look_back(partial(_audit, file), what, stop)
             else:
-                show(file, wanted, stop)
+                show(file, what, stop)
         except ViewError as error:
             raise Failed(str(error)) from None
         except (ValueError, OSError) as error:

@@ -31,6 +31,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Zenoh endpoints of an existing router."""
     listen: list[str] = []
     """Endpoints to listen on; without both, tcp/127.0.0.1:7447 in router mode."""
+    zenoh: str = ""
+    """Configuration of Zenoh's own (.json5), for TLS, access control and passwords; empty: none."""
     subscribe: list[str] = msgspec.field(default_factory=lambda: ["plant/**"])
     """Key expressions of samples."""
     state: str = ""
@@ -101,8 +103,9 @@ def load(path: Path | None, **overrides: Any) -> Config:
             settings = tomllib.loads(path.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             raise ConfigError(f"{path}: {error}") from None
-        if settings.get("loops") and isinstance(settings["loops"], str):  # beside the file that names it
-            settings["loops"] = str(path.parent / settings["loops"])
+        for name in ("loops", "zenoh"):  # beside the file that names it
+            if settings.get(name) and isinstance(settings[name], str):
+                settings[name] = str(path.parent / settings[name])
     settings |= {k: v for k, v in overrides.items() if v is not None and v != ()}
     try:
         return msgspec.convert(settings, Config)
@@ -113,7 +116,13 @@ def load(path: Path | None, **overrides: Any) -> Config:
 def problems(path: Path) -> list[str]:
     """Return what is wrong with a configuration file; empty where it is fine."""
     try:
-        load(path)
+        config = load(path)
+        if config.zenoh:
+            from monitor.adapters.zenoh_bus import read_config  # noqa: PLC0415 (the library takes its time)
+
+            read_config(config.zenoh)
+    except OSError as error:
+        return str(error).splitlines()
     except ConfigError as error:
         return [str(error)]
     return []

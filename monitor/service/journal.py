@@ -30,7 +30,10 @@ MESSAGES: dict[str, tuple[int, str]] = {
     "assessment": (DEBUG, "{loop}: {verdict} ({kind}) {reason}"),
     "retune": (INFO, "{loop}: {verdict} ({kind}) {reason}"),
     "suggestion": (INFO, "{loop}: suggestion: {action}"),
-    "network_open": (WARNING, "{address} is open to the network: use TLS and access control, see config/"),
+    "network_open": (
+        WARNING,
+        "{address} is open to the network: use TLS and access control, see config/zenoh",
+    ),
     "http_open": (WARNING, "{address} is open to the network, without a password"),
     "store_failing": (ERROR, "store: {why}; nothing is published until it is back"),
     "store_back": (WARNING, "store: back; {count} records were waiting"),

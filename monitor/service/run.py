@@ -102,7 +102,7 @@ class Opened:
         """
         if self.config.view == "none" and save is None:
             return ""
-        view = start_view(self.endpoint, self.config.view, save)
+        view = start_view(self.endpoint, self.config.view, save, self.config.zenoh)
         self.closing.callback(view.stop)
         return view.url
 
@@ -219,13 +219,15 @@ def _session(config: Config, spare: Sequence[str]) -> tuple[Any, Config]:
     refusal = ""
     for listen in (_listen(config), *([endpoint] for endpoint in spare)):
         try:
-            session = open_session("router" if listen else "client", connect=config.connect, listen=listen)
+            mode = "router" if listen else "client"
+            session = open_session(mode, connect=config.connect, listen=listen, file=config.zenoh)
         except BusError as error:
             if not spare:
                 raise
             refusal = str(error)
             continue
-        if foreign := [e for e in listen if not any(local in e for local in LOCAL)]:
+        foreign = [e for e in listen if not any(local in e for local in LOCAL)]
+        if foreign and not config.zenoh:  # which says who may come
             note("network_open", address=", ".join(foreign))
         return session, replace(config, listen=listen)
     raise BusError(

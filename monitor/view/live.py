@@ -30,6 +30,7 @@ def draw(
     viewer: RerunProcess | None,
     stop: Stop,
     ready: Callable[[], None],
+    zenoh: str = "",
 ) -> None:
     """Draw what the monitor says, or one event of its history, until told to stop or the viewer has been closed.
 
@@ -43,6 +44,8 @@ def draw(
         Where it is seen; ended with the drawing.
     ready
         Called once the monitor is heard.
+    zenoh
+        Zenoh's own configuration (.json5); empty: none.
 
     Raises
     ------
@@ -52,7 +55,7 @@ def draw(
     with contextlib.ExitStack() as ending:
         if viewer is not None:
             ending.callback(viewer.stop)
-        session = _session(endpoint)
+        session = _session(endpoint, zenoh)
         ending.callback(session.close)  # with a callback left open the interpreter would not end
         if event and not zenoh_bus.ask(session, keys.history("**", event), KNOWN_WITHIN_S):
             raise ViewError(f"the monitor knows no event {event}")
@@ -85,10 +88,10 @@ def _follow(
         feed.tick()  # what had come by the end belongs to the recording
 
 
-def _session(endpoint: str) -> Any:
+def _session(endpoint: str, zenoh: str) -> Any:
     """Open a session of a client of the monitor's."""
     options = {"transport/shared_memory/enabled": False}  # a stalled view must not hold the monitor's buffers
     try:
-        return zenoh_bus.open_session(mode="client", connect=[endpoint], options=options)
+        return zenoh_bus.open_session(mode="client", connect=[endpoint], options=options, file=zenoh)
     except zenoh_bus.BusError as error:
         raise ViewError(f"no monitor answers: {error}") from error

@@ -57,7 +57,7 @@ class ViewProcess:
         self._said.set()
 
 
-def start_view(endpoint: str, view: str = "web", save: Path | None = None) -> ViewProcess:
+def start_view(endpoint: str, view: str = "web", save: Path | None = None, zenoh: str = "") -> ViewProcess:
     """Start a view of the monitor at ``endpoint`` as a child process; returns at once.
 
     Parameters
@@ -68,6 +68,8 @@ def start_view(endpoint: str, view: str = "web", save: Path | None = None) -> Vi
         ``web``, ``native`` or ``none`` (only with ``save``).
     save
         Record into this file.
+    zenoh
+        Zenoh's own configuration (.json5), with which the monitor is reached; empty: none.
 
     Raises
     ------
@@ -75,5 +77,6 @@ def start_view(endpoint: str, view: str = "web", save: Path | None = None) -> Vi
         The process cannot be started.
     """
     record = ["--save", str(save)] if save else []
-    arguments = ["view", "--connect", endpoint, "--view", view, *record]
+    secure = ["--zenoh", zenoh] if zenoh else []
+    arguments = ["view", "--connect", endpoint, "--view", view, *record, *secure]
     return ViewProcess(start_own(*arguments, stdout=subprocess.PIPE))

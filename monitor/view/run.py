@@ -8,6 +8,7 @@ import sys
 import webbrowser
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from monitor.adapters.process import Stop
@@ -34,6 +35,8 @@ class Wanted:
     """Show this event of the monitor's history alone."""
     browser: bool = False
     """Open the page in the default browser."""
+    zenoh: str = ""
+    """Zenoh's own configuration (.json5); empty: none."""
 
 
 def show(file: Path, wanted: Wanted, stop: Stop) -> None:
@@ -68,9 +71,8 @@ def watch(endpoint: str, wanted: Wanted, stop: Stop) -> None:
     from . import live  # noqa: PLC0415 (what it imports starts threads, and the viewer is forked)
 
     try:
-        live.draw(
-            endpoint, wanted.event, wanted.save, viewer, stop, lambda: _announce(viewer, wanted.browser)
-        )
+        ready = partial(_announce, viewer, wanted.browser)
+        live.draw(endpoint, wanted.event, wanted.save, viewer, stop, ready, wanted.zenoh)
     finally:
         stop.set()
 

@@ -101,3 +101,18 @@ def test_shared_data_have_no_problem() -> None:
     result = check(*files)
     assert (result.exit_code, result.stderr) == (0, "")
     assert sum(line.endswith("; no problem") for line in result.stdout.splitlines()) == len(files)
+
+
+def test_a_configuration_of_zenohs_own(tmp_path: Path) -> None:
+    """By itself, and where a monitor's configuration names it: the file and the place."""
+    secure, own = tmp_path / "z.json5", tmp_path / "monitor.toml"
+    own.write_text('zenoh = "z.json5"\n')
+    assert "z.json5: No such file" in check(own).stderr
+    secure.write_text("{ mod: 1 }")
+    for path in (secure, own):
+        result = check(path)
+        assert result.exit_code == 2
+        assert result.stderr.startswith(f"{secure}: line 1: unknown field `mod`")
+    secure.write_text("{ metadata: {} }")
+    for path in (secure, own):
+        assert check(path).exit_code == 0

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from monitor.adapters.zenoh_bus import Bus, BusError, _parameters, ask, open_session, plant_put
+from monitor.adapters import zenoh_bus
+from monitor.adapters.zenoh_bus import Bus, BusError, _parameters, ask, open_session, plant_put, read_config
 from monitor.contract.entries import Message
 from tests.support.waiting import free_port, until
 
@@ -41,6 +42,52 @@ def client(bus, endpoint):  # noqa: ARG001 (there has to be somebody to connect 
 def test_parameters(text):
     """Separated by `&` or `;`, the value may hold a `=`."""
     assert _parameters(text) == {"a": "1", "b": "2=3"}
+
+
+# ---------------------------------------------------------------------------------------------------
+# configuration of Zenoh's own
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("{ mod: 1 }", "line 1: unknown field `mod`, expected one of"),
+        ("{", "line 1: expected"),
+        ("", "Empty config file"),
+        ('{mode: "client"}', "mode: expected in the monitor's configuration, or on the command line"),
+        ('{connect: {endpoints: ["tcp/a:1"]}}', "connect/endpoints: expected in"),
+        ('{listen: {endpoints: ["tcp/a:1"]}}', "listen/endpoints: expected in"),
+        (
+            '{transport: {link: {tls: {root_ca_certificate: "/no/ca"}}}}',
+            "root_ca_certificate: /no/ca: no such file",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_one_line(tmp_path, text, why):
+    """The file, the place, what would be accepted; nothing of it is passed over in silence."""
+    path = tmp_path / "z.json5"
+    path.write_text(text)
+    with pytest.raises(BusError) as error:
+        open_session(file=str(path))
+    (line,) = str(error.value).splitlines()
+    assert line.startswith(f"{path}: ")
+    assert why in line
+    assert "cargo" not in line
+
+
+def test_a_file_does_not_undo_what_is_ours(tmp_path, endpoint, monkeypatch):
+    """Nothing is scouted for, whatever the file says."""
+    path = tmp_path / "z.json5"
+    path.write_text("{scouting: {multicast: {enabled: true}}, metadata: {name: 'x'}}")
+    monkeypatch.setattr(zenoh_bus.zenoh, "open", lambda config: config)
+    config = open_session("router", listen=[endpoint], file=str(path))
+    assert config.get_json("scouting/multicast/enabled") == "false"
+    assert config.get_json("metadata") == '{"name":"x"}'
+
+
+def test_no_such_file():
+    with pytest.raises(BusError, match=r"none\.json5: No such file"):
+        read_config("none.json5")
 
 
 # ---------------------------------------------------------------------------------------------------

@@ -45,6 +45,10 @@ class BusError(OSError):
     """A session that could not be opened."""
 
 
+class NobodyThereError(BusError):
+    """Nobody answers at any endpoint to connect to: they may come yet."""
+
+
 def open_session(
     mode: str = "client",
     connect: Sequence[str] = (),
@@ -68,7 +72,7 @@ def open_session(
     Raises
     ------
     BusError
-        One line: the endpoint, or the file, and what was wrong.
+        One line: the endpoint, or the file, and what was wrong; `NobodyThereError` where another try may do.
     """
     config = read_config(file) if file else zenoh.Config()
     settings: dict[str, Any] = {
@@ -89,7 +93,8 @@ def open_session(
         return zenoh.open(config)
     except zenoh.ZError as error:
         where = ", ".join([*connect, *listen])
-        raise BusError(f"{where}: cannot open a Zenoh session: {_why(error)}") from None
+        kind = NobodyThereError if "Unable to connect" in str(error) else BusError
+        raise kind(f"{where}: cannot open a Zenoh session: {_why(error)}") from None
 
 
 def read_config(file: str) -> zenoh.Config:

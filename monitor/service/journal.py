@@ -35,6 +35,7 @@ MESSAGES: dict[str, tuple[int, str]] = {
         "{address} is open to the network: use TLS and access control, see config/zenoh",
     ),
     "http_open": (WARNING, "{address} is open to the network, without a password"),
+    "router_absent": (WARNING, "{why}; tried again every second, not ready meanwhile"),
     "store_failing": (ERROR, "store: {why}; nothing is published until it is back"),
     "store_back": (WARNING, "store: back; {count} records were waiting"),
     "store_untidy": (DEBUG, "store: {why}; nothing old is removed"),

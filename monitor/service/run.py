@@ -19,7 +19,7 @@ from monitor.adapters.loop_table import read_loop_table
 from monitor.adapters.process import Hangup, Stop
 from monitor.adapters.store import Store
 from monitor.adapters.systemd import Manager
-from monitor.adapters.zenoh_bus import DEFAULT_ENDPOINT, Bus, BusError, open_session
+from monitor.adapters.zenoh_bus import DEFAULT_ENDPOINT, Bus, BusError, NobodyThereError, open_session
 from monitor.contract import keys
 from monitor.contract.loops import LoopTable
 from monitor.contract.records import Record
@@ -31,6 +31,8 @@ from .service import Service
 from .vitals import Vitals
 from .warm_up import warm_up
 
+ROUTER_EVERY_S = 1.0
+"""Between two tries to reach a router that does not answer when the monitor starts [s]."""
 AT_ONCE = ("loops", "auto_register", "reorder_window", "future", "tick")
 """Settings that are taken over while it runs; the others need another session, store or view."""
 LOCAL = ("127.0.0.1", "localhost", "[::1]", "unixsock")
@@ -76,22 +78,6 @@ class Opened:
         self.bus.alive(keys.monitor_alive(own))
         return service
 
-    def serve(self, vitals: Vitals) -> str:
-        """Answer over HTTP how the monitor is, where that is configured; return the address, empty where it is not.
-
-        Raises
-        ------
-        HttpError
-            It cannot listen there.
-        """
-        if not self.config.http:
-            return ""
-        http = Http(self.config.http, vitals.answers)
-        self.closing.callback(http.close)
-        if not is_local(split_address(self.config.http)[0]):
-            note("http_open", address=http.url)
-        return http.url
-
     def show(self, save: Path | None) -> str:
         """Start the view that is configured, recording into ``save``; return its address, empty where it has none.
 
@@ -108,13 +94,17 @@ class Opened:
 
 
 @contextmanager
-def opened(config: Config, spare: Sequence[str] = ()) -> Iterator[Opened]:
+def opened(
+    config: Config, spare: Sequence[str] = (), again: Callable[[str], bool] = lambda _: False
+) -> Iterator[Opened]:
     """Open what a monitor needs; all of it is closed at the end, however that comes.
 
     Parameters
     ----------
     spare
         Endpoints to listen on where the one of the configuration is taken, in turn.
+    again
+        Asked with the reason, one line, while no router answers: whether to try once more.
 
     Raises
     ------
@@ -129,7 +119,13 @@ def opened(config: Config, spare: Sequence[str] = ()) -> Iterator[Opened]:
         closing.callback(store.close)
         if store.damage:
             note("store_damaged", why=store.damage)
-        session, config = _session(config, spare)
+        while True:
+            try:
+                session, config = _session(config, spare)
+                break
+            except NobodyThereError as error:
+                if not again(str(error)):
+                    raise
         bus = Bus(session)
         closing.callback(bus.close)
         endpoint = (_listen(config) or config.connect)[0]
@@ -140,6 +136,8 @@ def run_monitor(
     read: Callable[[], Config], stop: Stop, say: Callable[[str], None], save: Path | None = None
 ) -> None:
     """Run the service until ``stop`` is set; SIGHUP has it read its configuration and loop table again.
+
+    A router that does not answer when it starts is waited for.
 
     Parameters
     ----------
@@ -157,8 +155,18 @@ def run_monitor(
         As of `opened`.
     """
     vitals, manager, asked = Vitals(), Manager(), read()
-    with opened(asked) as monitor, Hangup() as hangup:
-        http = monitor.serve(vitals)
+
+    def again(why: str) -> bool:
+        note("router_absent", why=why)
+        return not stop.wait(ROUTER_EVERY_S)
+
+    with ExitStack() as closing:
+        http = serve(asked, vitals, closing)
+        try:
+            monitor = closing.enter_context(opened(asked, again=again))
+        except NobodyThereError:  # told to stop meanwhile
+            return
+        hangup = closing.enter_context(Hangup())
         with stop.breaking_off():  # nothing is held yet: a compiler that has just begun need not end its work
             warm_up()
         if stop.is_set():
@@ -182,6 +190,28 @@ def run_monitor(
         service.run(stop, ticked)
         manager.stopping()
         service.finish()
+
+
+def serve(config: Config, vitals: Vitals, closing: ExitStack) -> str:
+    """Answer over HTTP how the monitor is, where that is configured; return the address, empty where it is not.
+
+    Parameters
+    ----------
+    closing
+        Ends it.
+
+    Raises
+    ------
+    HttpError
+        It cannot listen there.
+    """
+    if not config.http:
+        return ""
+    http = Http(config.http, vitals.answers)
+    closing.callback(http.close)
+    if not is_local(split_address(config.http)[0]):
+        note("http_open", address=http.url)
+    return http.url
 
 
 def read_again(service: Service, read: Callable[[], Config], before: Config) -> Config:
@@ -222,7 +252,7 @@ def _session(config: Config, spare: Sequence[str]) -> tuple[Any, Config]:
             mode = "router" if listen else "client"
             session = open_session(mode, connect=config.connect, listen=listen, file=config.zenoh)
         except BusError as error:
-            if not spare:
+            if not spare or isinstance(error, NobodyThereError):
                 raise
             refusal = str(error)
             continue

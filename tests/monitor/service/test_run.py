@@ -13,7 +13,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ from monitor.contract.records import Assessment
 from monitor.contract.samples import Samples
 from monitor.engine import Engine
 from monitor.service.config import Config
-from monitor.service.run import opened
+from monitor.service.run import opened, serve
 from monitor.service.service import Service
 from monitor.service.vitals import Vitals
 from sim_plants.export import write_rows
@@ -252,6 +252,36 @@ def test_ready_stop_and_all_that_is_stored(plant, start, client):
     assert set(said) <= set(events)
     assert all(e["state"] != "open" for e in events.values())
     assert any(e["state"] == "interrupted" for e in events.values())
+
+
+@pytest.mark.parametrize("comes", [True, False])
+def test_a_router_that_is_not_there_is_waited_for(endpoint, tmp_path, comes):
+    """Said, not ready; when it comes, ready; told to stop before: exit 0."""
+    log = (tmp_path / "log").open("w")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "monitor", "monitor", "--connect", endpoint, "--state", str(tmp_path / "state")],
+        stdout=subprocess.PIPE, stderr=log, text=True,
+    )  # fmt: skip
+    router = None
+    try:
+        until(lambda: "router_absent" in (tmp_path / "log").read_text())
+        if comes:
+            router = open_session("router", listen=[endpoint])
+            watchdog = threading.Timer(PATIENCE, process.kill)
+            watchdog.start()
+            assert process.stdout is not None
+            assert process.stdout.readline().startswith("ready")
+            watchdog.cancel()
+        process.terminate()
+        assert process.wait(PATIENCE) == 0
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+        if router is not None:
+            router.close()
+        process.stdout.close()
+        log.close()
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="no SIGHUP on this system")
@@ -535,11 +565,10 @@ def test_http_tells_of_the_process(endpoint, tmp_path, caplog):
     """Not ready before anything is heard, closed with the monitor; open to the network only with a warning."""
     config = Config(listen=[endpoint], state=str(tmp_path))
     vitals = Vitals()
-    with opened(config) as monitor:
-        assert monitor.serve(vitals) == ""
-    with opened(replace(config, http="127.0.0.1:0")) as monitor:
-        url = monitor.serve(vitals)
-        service = monitor.start()
+    with ExitStack() as stack:
+        assert serve(config, vitals, stack) == ""
+        url = serve(replace(config, http="127.0.0.1:0"), vitals, stack)
+        service = stack.enter_context(opened(config)).start()
         service.tick()
         vitals.beat(service, 0.0)
         with pytest.raises(urllib.error.HTTPError, match="503") as refused:
@@ -549,8 +578,8 @@ def test_http_tells_of_the_process(endpoint, tmp_path, caplog):
     with pytest.raises(urllib.error.URLError):
         urllib.request.urlopen(f"{url}/livez", timeout=PATIENCE)
     assert caplog.messages == []
-    with opened(replace(config, http="0.0.0.0:0")) as monitor:
-        assert monitor.serve(vitals) in caplog.text
+    with ExitStack() as stack:
+        assert serve(replace(config, http="0.0.0.0:0"), vitals, stack) in caplog.text
 
 
 def test_a_bus_without_a_router():

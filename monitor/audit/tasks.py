@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import signal
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -328,9 +330,9 @@ def cluster(scheduler: str) -> Any:
             "--scheduler: dask.distributed is not installed, expected: pip install 'loopsight[cluster]'"
         ) from None
     try:
-        client = dask.Client(scheduler, timeout=CLUSTER_WAIT_S)
+        client = _in_time(lambda: dask.Client(scheduler, timeout=CLUSTER_WAIT_S), 2.0 * CLUSTER_WAIT_S)
     except (OSError, ValueError, MemoryError) as error:  # the last: what answers speaks another language
-        said = " ".join(str(error).split())
+        said = " ".join(str(error).split()) or "nothing comes back"
         raise OSError(f"--scheduler: {scheduler!r}: no Dask scheduler answers there: {said}") from None
     try:
         client.wait_for_workers(1, timeout=CLUSTER_WAIT_S)
@@ -340,3 +342,23 @@ def cluster(scheduler: str) -> Any:
             f"--scheduler: {scheduler!r} has no worker, expected some: dask worker {scheduler}"
         ) from None
     return client
+
+
+def _in_time(work: Callable[[], Any], seconds: float) -> Any:
+    """Return what ``work`` does, if it does it within so long [s]; what goes on then is left alone.
+
+    Raises
+    ------
+    TimeoutError
+        It takes longer, as where a web server takes the question and thinks about it for ever.
+    """
+    done: Future[Any] = Future()
+
+    def run() -> None:
+        try:
+            done.set_result(work())
+        except BaseException as error:  # noqa: BLE001 (it is raised where it is asked for)
+            done.set_exception(error)
+
+    threading.Thread(target=run, name="scheduler", daemon=True).start()
+    return done.result(seconds)

@@ -188,6 +188,7 @@ class Bus:
         self._session = session
         self._prefix = prefix
         self._declared: list[Any] = []
+        self._subscribed: list[Any] = []
         self.inbox: Inbox[Message] = Inbox()
         self.questions: deque[Question] = deque(maxlen=1000)
         self.publish_failed = 0
@@ -215,9 +216,14 @@ class Bus:
 
         for key in keys:
             try:
-                self._declared.append(self._session.declare_subscriber(key, enqueue))
+                self._subscribed.append(self._session.declare_subscriber(key, enqueue))
             except zenoh.ZError:
                 raise BusError(f"subscribe: {key!r}, expected a key expression, e.g. plant/**") from None
+
+    def hears(self, key: str) -> bool:
+        """Whether a subscription hears a key, or one beneath it."""
+        own = [zenoh.KeyExpr(key), zenoh.KeyExpr(f"{key}/**")]
+        return any(s.key_expr.intersects(one) for s in self._subscribed for one in own)
 
     def answer(self, keys: Sequence[str]) -> None:
         """Accept queries on these key expressions; they wait in ``questions`` for our own thread."""
@@ -249,9 +255,10 @@ class Bus:
 
     def close(self) -> None:
         """Undeclare everything and close the session, whatever state it is in."""
-        for declared in self._declared:
+        for declared in [*self._subscribed, *self._declared]:
             with suppress(zenoh.ZError):
                 declared.undeclare()
+        self._subscribed.clear()
         self._declared.clear()
         with suppress(zenoh.ZError):
             self._session.close()

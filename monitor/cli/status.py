@@ -90,6 +90,7 @@ def _lines(answer: dict[str, Any]) -> list[str]:
     ]
     further = {
         "stale": answer.get("stale"),
+        "unheard": answer.get("never_heard"),
         "clocks": _clocks(answer),
         "unknown": answer.get("unknown"),
     }

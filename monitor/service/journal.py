@@ -48,6 +48,11 @@ MESSAGES: dict[str, tuple[int, str]] = {
     "all_silent": (WARNING, "no good samples of any loop: not ready"),
     "samples_back": (WARNING, "samples are back"),
     "loops_stale": (WARNING, "stale: {loops}"),
+    "loops_never_heard": (WARNING, "nothing has come of {count} loops of the table: {loops}"),
+    "loops_unmatched": (
+        WARNING,
+        "no subscription hears the keys of {count} loops, frames alone can bring them: {loops}",
+    ),
     "loops_bad": (WARNING, "only bad samples: {loops}"),
     "loops_back": (WARNING, "heard again: {loops}"),
     "loop_given_up": (WARNING, "given up after a long silence: {loop}"),

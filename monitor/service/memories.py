@@ -136,7 +136,7 @@ class Memories:
             if known is None:
                 unread += 1
                 continue
-            self._reorder.hold(row, known.tags)
+            self._reorder.hold(row, known.tags, self._kept_at)
             rows.append(row)
         self._wait_again()
         if unread:

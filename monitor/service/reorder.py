@@ -136,10 +136,11 @@ class Reorder:
         """Return the set point, output and mode that hold for a loop, and since when."""
         return {name: self.state[name][loop].item() for name in _TAGS}
 
-    def hold(self, loop: int, tags: dict[str, float | int]) -> None:
-        """Let these hold for a loop, as another process knew them."""
+    def hold(self, loop: int, tags: dict[str, float | int], arrival: float) -> None:
+        """Let these hold for a loop, as somebody knew them; nothing has come since ``arrival`` [s, monotonic]."""
         for name in _TAGS:
             self.state[name][loop] = tags[name]
+        self.state["arrival"][loop] = arrival
 
     def push(self, entries: NDArray[np.void], arrival: float) -> Samples:
         """Take in entries (dtype `ENTRY`) at wall time ``arrival`` [s]; return the samples that are due."""

@@ -28,6 +28,7 @@ from monitor.view.process import start_view
 from .config import Config
 from .journal import note
 from .service import Service
+from .staleness import named
 from .vitals import Vitals
 from .warm_up import warm_up
 
@@ -74,6 +75,9 @@ class Opened:
         )
         own = self.config.id
         self.bus.subscribe(self.config.subscribe, time.time_ns)
+        unmatched = [loop.name for loop in self.loops if not self.bus.hears(loop.key)]
+        if unmatched:
+            note("loops_unmatched", count=len(unmatched), loops=named(unmatched))
         self.bus.answer([keys.LOOPS, keys.of_monitor(own)])
         self.bus.alive(keys.monitor_alive(own))
         return service

@@ -108,6 +108,7 @@ def status_of(monitor: str, parts: Parts, now: float, time: int) -> Status:
         clock_steps=parts.reorder.steps,
         clock_ahead=_names(parts, parts.decoder.ahead, NAMED_LOOPS),
         stale=_names(parts, parts.staleness.stale, NAMED_LOOPS),
+        never_heard=_names(parts, parts.staleness.never_heard, NAMED_LOOPS),
         disturbances=parts.engine.disturbances,
         unknown=dict(parts.decoder.unknown.most_common(UNKNOWN_KEYS)),
         rates=parts.meter.rates(now, parts.bus.inbox.received, samples_ok),
@@ -130,6 +131,7 @@ def _loop_counts(parts: Parts) -> LoopCounts:
         **{v: verdicts.count(v) for v in WORST_FIRST},
         open=len(parts.engine.open_rows()),
         stale=len(parts.staleness.stale),
+        never_heard=len(parts.staleness.never_heard),
     )
 
 

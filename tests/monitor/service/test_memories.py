@@ -141,6 +141,8 @@ def test_settings_flags_and_held_tags_outlive_a_kill(tmp_path: Path) -> None:
     tags = again.service.reorder.tags(1)
     assert (tags["sp"], tags["op"]) == (7.0, 3.0)
     assert again.status()["samples_ok"] == 0
+    again.tick(3.0)
+    assert again.status()["stale"] == []  # nothing has come for three seconds, not since 1970
     again.store.close()
 
 

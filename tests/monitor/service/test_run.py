@@ -582,6 +582,19 @@ def test_http_tells_of_the_process(endpoint, tmp_path, caplog):
         assert serve(replace(config, http="0.0.0.0:0"), vitals, stack) in caplog.text
 
 
+def test_keys_that_no_subscription_hears_are_named(endpoint, tmp_path, caplog):
+    """Only frames could bring them; those that are heard by their tags, or as a whole, are not named."""
+    table = tmp_path / "loops.csv"
+    table.write_text("name,key\nA,plant/A\nB,area2/B\nC,plant/x/C\n")
+    config = Config(
+        loops=str(table), listen=[endpoint], state=str(tmp_path / "s"), subscribe=["plant/*/pv", "plant/x/*"]
+    )
+    with opened(config) as monitor:
+        monitor.start()
+    (line,) = caplog.messages
+    assert line.endswith("the keys of 1 loops, frames alone can bring them: B")
+
+
 def test_a_bus_without_a_router():
     """Nothing listens: an error, soon."""
     with pytest.raises(BusError):

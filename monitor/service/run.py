@@ -72,6 +72,7 @@ class Opened:
         self.bus.subscribe(self.config.subscribe, time.time_ns)
         self.bus.answer([keys.LOOPS, keys.of_monitor(own)])
         self.bus.alive(keys.monitor_alive(own))
+        self.bus.look_for_twins(own, lambda count: note("same_id", monitor=own, count=count))
         return service
 
     def serve(self, vitals: Vitals) -> str:

@@ -70,6 +70,11 @@ class Staleness:
         """Note a loop that is in no table, first heard at ``now`` [s, monotonic]."""
         self._registered[row] = now
 
+    @property
+    def registered(self) -> int:
+        """How many loops of no table there are."""
+        return len(self._registered)
+
     def overdue(self, arrival: NDArray[np.float64], now: float) -> list[int]:
         """Return the loops of no table that have been silent for so long that they are given up.
 

@@ -347,3 +347,15 @@ def test_settings_change_what_they_name():
     )
     decode(decoder=decoder)
     assert decoder.settings == []
+
+
+def test_what_is_remembered_of_streams_is_bounded(monkeypatch):
+    """Frames under ever new keys: their names are forgotten in turn, and every sample finds its loop all the same."""
+    payload = frame()
+    monkeypatch.setattr("monitor.wire.decode.REMEMBERED_BYTES", 10 * len(payload))
+    decoder = Decoder(table())
+    for k in range(100):
+        out, _ = decode((f"plant/{k}/frame", payload), decoder=decoder)
+        assert out["loop"].tolist() == [0, 1, 2]
+        assert sum(stream.names is not None for stream in decoder._streams.values()) <= 11
+    assert not refused(decoder)

@@ -125,7 +125,8 @@ def answered(bus: Bus, question: Callable[[], list[tuple[str, bytes]]]) -> list[
         until(lambda: bus.questions or waiting.done())
         while bus.questions:
             asked = bus.questions.popleft()
-            asked.answer([(asked.key, b"1", "")])
+            asked.reply(asked.key, b"1", "")
+            asked.end()
         return waiting.result(PATIENCE)
 
 

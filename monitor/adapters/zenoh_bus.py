@@ -12,8 +12,8 @@ from typing import Any
 
 import zenoh
 
+from monitor.contract import keys
 from monitor.contract.entries import MOST_PAYLOAD_BYTES, Message
-from monitor.contract.keys import PREFIX
 from monitor.contract.times import ns_of
 
 from .inbox import Inbox
@@ -37,6 +37,10 @@ FILES = (
     "transport/auth/usrpwd/dictionary_file",
 )  # fmt: skip
 """Files that such a file names."""
+MOST_TWINS = 100
+"""Other monitors of our name that are counted."""
+ANSWER_BYTES = 64 * 2**20
+"""Bytes of all replies to a question after which no more are taken: whoever answers may be anybody."""
 QUESTION_BYTES = 64 * 1024
 """Bytes of a query's payload above which it is left unread."""
 
@@ -149,22 +153,20 @@ class Question:
         """Whether this key is asked for."""
         return bool(self._query.key_expr.intersects(zenoh.KeyExpr(key)))
 
-    def answer(self, replies: Sequence[tuple[str, bytes, str]]) -> None:
-        """Send (key, payload, encoding) and end the query; a querier that has gone is no error."""
-        try:
-            with self._query as query:
-                for key, payload, encoding in replies:
-                    query.reply(key, payload, encoding=encoding)
-        except zenoh.ZError:
-            return
+    def reply(self, key: str, payload: bytes, encoding: str) -> None:
+        """Send one of its replies; a querier that has gone is no error."""
+        with suppress(zenoh.ZError):
+            self._query.reply(key, payload, encoding=encoding)
+
+    def end(self) -> None:
+        """Say that there are no more."""
+        self._query.drop()  # type: ignore[no-untyped-call]  # so it stands in the library's stub
 
     def refuse(self, why: str) -> None:
-        """Answer with an error."""
-        try:
-            with self._query as query:
-                query.reply_err(why)
-        except zenoh.ZError:
-            return
+        """Answer with an error, and end the query."""
+        with suppress(zenoh.ZError):
+            self._query.reply_err(why)
+        self.end()
 
 
 def _parameters(text: str) -> dict[str, str]:
@@ -184,7 +186,7 @@ class Bus:
         The only key space that is ever written to.
     """
 
-    def __init__(self, session: Any, prefix: str = PREFIX) -> None:
+    def __init__(self, session: Any, prefix: str = keys.PREFIX) -> None:
         self._session = session
         self._prefix = prefix
         self._declared: list[Any] = []
@@ -193,6 +195,8 @@ class Bus:
         self.questions: deque[Question] = deque(maxlen=1000)
         self.publish_failed = 0
         """What Zenoh would not take."""
+        self.twins = 0
+        """Other monitors that call themselves as we do."""
 
     def subscribe(self, keys: Sequence[str], arrival: Callable[[], int]) -> None:
         """Listen to key expressions; messages without a timestamp take ``arrival()`` [ns].
@@ -236,6 +240,31 @@ class Bus:
         """Declare a liveliness token; it goes with the session."""
         self._declared.append(self._session.liveliness().declare_token(key))
 
+    def look_for_twins(self, monitor: str, found: Callable[[int], None]) -> None:
+        """Let others who call themselves as we do know of us, and look for them.
+
+        Parameters
+        ----------
+        found
+            Called with how many there are whenever there is one more, on a thread of the bus.
+        """
+        own = keys.monitor_instance(monitor, str(self._session.zid()))
+        tokens: set[str] = set()
+
+        def hear(sample: zenoh.Sample) -> None:
+            key, before = str(sample.key_expr), len(tokens)
+            if sample.kind == zenoh.SampleKind.DELETE:
+                tokens.discard(key)
+            elif key != own and before < MOST_TWINS:
+                tokens.add(key)
+            self.twins = len(tokens)
+            if self.twins > before:
+                found(self.twins)
+
+        liveliness, every = self._session.liveliness(), keys.monitor_instance(monitor, "*")
+        self._declared.append(liveliness.declare_subscriber(every, hear, history=True))
+        self._declared.append(liveliness.declare_token(own))
+
     def publish(self, key: str, payload: bytes, encoding: str) -> None:
         """Publish under the prefix; a subscriber that does not take it loses it, we never wait.
 
@@ -267,7 +296,12 @@ class Bus:
 def ask(session: Any, key: str, seconds: float) -> list[tuple[str, bytes]]:
     """Return the replies (key, payload) to a query; a refusal or a time-out is no reply."""
     answers = (reply.ok for reply in session.get(key, timeout=seconds))
-    return [(str(a.key_expr), a.payload.to_bytes()) for a in answers if a is not None]
+    size = 0
+    return [
+        (str(a.key_expr), a.payload.to_bytes())
+        for a in answers
+        if a is not None and (size := size + len(a.payload)) <= ANSWER_BYTES
+    ]
 
 
 def plant_put(session: Any) -> Callable[[str, bytes], None]:

@@ -87,6 +87,11 @@ def monitor_status(monitor: str) -> str:
     return f"{PREFIX}/@/{monitor}/status"
 
 
+def monitor_instance(monitor: str, instance: str) -> str:
+    """Return the liveliness token of one process among those that call themselves by a monitor's name."""
+    return f"{PREFIX}/@/{monitor}/instance/{instance}"
+
+
 def monitor_alive(monitor: str) -> str:
     """Return the liveliness token of a monitor."""
     return f"{PREFIX}/@/{monitor}/alive"

@@ -35,7 +35,10 @@ class Rates(msgspec.Struct, frozen=True):
 
 
 class Status(msgspec.Struct, frozen=True, kw_only=True):
-    """A monitor's health. Names and order are those of the JSON on the wire."""
+    """A monitor's health. Names and order are those of the JSON on the wire.
+
+    What is added has a default: a monitor of an earlier version is understood, too.
+    """
 
     id: str
     time: str
@@ -68,7 +71,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     """Clocks of loops that were set back."""
     clock_ahead: list[str]
     stale: list[str]
-    never_heard: list[str]
+    never_heard: list[str] = []
     disturbances: int
     unknown: dict[str, int]
     """Keys or names that no loop has, with how often they came."""
@@ -88,3 +91,5 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     """Because the store failed for too long."""
     publish_failed: int
     """Records that the bus would not take."""
+    twins: int = 0
+    """Other monitors under the same id."""

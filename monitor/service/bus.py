@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Protocol
 
 from monitor.adapters.inbox import Inbox
@@ -26,11 +26,14 @@ class Question(Protocol):
     def matches(self, key: str) -> bool:
         """Whether this key is asked for."""
 
-    def answer(self, replies: Sequence[Reply]) -> None:
-        """Reply, and end the query."""
+    def reply(self, key: str, payload: bytes, encoding: str) -> None:
+        """Send one of its replies."""
+
+    def end(self) -> None:
+        """Say that there are no more."""
 
     def refuse(self, why: str) -> None:
-        """Reply with an error, one line."""
+        """Reply with an error, one line, and end the query."""
 
 
 class Questions(Protocol):
@@ -56,6 +59,10 @@ class Bus(Protocol):
     @property
     def publish_failed(self) -> int:
         """Records that it would not take."""
+
+    @property
+    def twins(self) -> int:
+        """Other monitors that call themselves as we do."""
 
     def publish(self, key: str, payload: bytes, encoding: str) -> None:
         """Publish a record."""

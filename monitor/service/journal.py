@@ -36,6 +36,14 @@ MESSAGES: dict[str, tuple[int, str]] = {
     ),
     "http_open": (WARNING, "{address} is open to the network, without a password"),
     "router_absent": (WARNING, "{why}; tried again every second, not ready meanwhile"),
+    "same_id": (
+        WARNING,
+        "others call themselves {monitor}, too ({count}): give each monitor an id of its own",
+    ),
+    "registration_full": (
+        WARNING,
+        "{count} loops have registered themselves, no more are taken: put them into a loop table",
+    ),
     "store_failing": (ERROR, "store: {why}; nothing is published until it is back"),
     "store_back": (WARNING, "store: back; {count} records were waiting"),
     "store_untidy": (DEBUG, "store: {why}; nothing old is removed"),

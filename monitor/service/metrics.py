@@ -42,6 +42,7 @@ GAUGES = {
     "queue": "Messages that wait",
     "held": "Samples that are held for their order",
     "backlog": "Events that wait to be assessed",
+    "twins": "Other monitors under the same id",
     "waiting_for_store": "Records that wait for the store",
 }
 """Fields of `Status` that come and go."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
 
 from monitor.adapters.store import Store, StoreError
 from monitor.contract import keys
@@ -15,6 +16,10 @@ from .bus import Question, Questions, Reply
 
 ANSWER_RECORDS = 10_000
 """That answer one query, at most."""
+SLICE_RECORDS = 100
+"""Of one query, before the next one has its turn: who asks for one thing does not wait for who asks for all."""
+UNDER_WAY = 100
+"""Queries that are answered in turn; others wait for theirs."""
 DEFAULT_RECORDS = 1000
 """Of each loop, where a query names no limit."""
 
@@ -50,40 +55,63 @@ class Queries:
         self._own = keys.monitor_status(monitor)
         self._engine, self._loops, self._store = engine, engine.loops, store
         self._row, self._status = row, status
+        self._under_way: deque[tuple[Question, Iterator[Reply]]] = deque()
         self._old_rows = store.rows()
         """Loops' last rows of earlier runs, by key: they hold until a loop is assessed anew."""
 
     def answer(self, questions: Questions, in_time: Callable[[], bool]) -> None:
-        """Answer or refuse what waits, at least one and then as many as there is time for."""
-        while questions:
-            question = questions.popleft()
+        """Go on with what was asked, a slice of each in turn, at least one and then as many as there is time for."""
+        while self._under_way or questions:
+            while questions and len(self._under_way) < UNDER_WAY:
+                question = questions.popleft()
+                self._under_way.append((question, self._replies(question)))
+            question, replies = self._under_way.popleft()
             try:
-                question.answer(self._replies(question))
+                if self._slice(question, replies, in_time):
+                    self._under_way.append((question, replies))
             except (ValueError, StoreError) as error:
                 question.refuse(str(error))
             if not in_time():
                 return
 
+    def _slice(self, question: Question, replies: Iterator[Reply], in_time: Callable[[], bool]) -> bool:
+        """Send some replies; False when they are at their end."""
+        for _ in range(SLICE_RECORDS):
+            reply = next(replies, None)
+            if reply is None:
+                question.end()
+                return False
+            question.reply(*reply)
+            if not in_time():
+                break
+        return True
+
     def forget(self, key: str) -> None:
         """Forget the earlier runs' row of a loop: other settings hold now, or the loop is watched no more."""
         self._old_rows.pop(key, None)
 
-    def _replies(self, question: Question) -> list[Reply]:
+    def _replies(self, question: Question) -> Iterator[Reply]:
+        """Make the replies one after the other: loops may come and go in between."""
         chunks = question.key.split("/")
         if chunks[-1] == "status":
-            return self._standing(question)
+            yield from self._standing(question)
+            return
         if len(chunks) > 1 and chunks[-2] == "window":
             found = self._store.window(chunks[-1])
             key = "" if found is None else keys.window(found[0], chunks[-1])
-            return [] if found is None or not question.matches(key) else [(key, found[1], FRAME_MIME)]
-        return self._history(question)
+            if found is not None and question.matches(key):
+                yield key, found[1], FRAME_MIME
+            return
+        yield from self._history(question)
 
-    def _standing(self, question: Question) -> list[Reply]:
+    def _standing(self, question: Question) -> Iterator[Reply]:
         """Return the monitor's health, or the rows of the loops asked for."""
         if question.matches(self._own):
-            return [(self._own, self._status(), JSON_MIME)]
-        asked = ((keys.status(key), key, number) for key, number in self._loops.by_key.items())
-        return [(k, self._current(key, number), JSON_MIME) for k, key, number in asked if question.matches(k)]
+            yield self._own, self._status(), JSON_MIME
+            return
+        for key in list(self._loops.by_key):
+            if question.matches(keys.status(key)) and (number := self._loops.by_key.get(key)) is not None:
+                yield keys.status(key), self._current(key, number), JSON_MIME
 
     def _current(self, key: str, number: int) -> bytes:
         """Return a loop's row: of this run, or the last one kept of an earlier run."""
@@ -91,7 +119,7 @@ class Queries:
             return self._old_rows[key]
         return encode_record(self._row(number))
 
-    def _history(self, question: Question) -> list[Reply]:
+    def _history(self, question: Question) -> Iterator[Reply]:
         """Return stored assessments of the loops asked for, one key each."""
         asked = question.parameters
         since, until = (_instant(name, asked.get(name)) for name in ("since", "until"))
@@ -102,18 +130,20 @@ class Queries:
         ):  # one event: however many its loop has had since, and whether it is watched still
             found = self._store.assessment(last)
             key = "" if found is None else keys.history(found[0], last)
-            return [] if found is None or not question.matches(key) else [(key, found[1], JSON_MIME)]
-        out: list[Reply] = []
-        for loop_key in self._loops.by_key:
+            if found is not None and question.matches(key):
+                yield key, found[1], JSON_MIME
+            return
+        sent = 0
+        for loop_key in list(self._loops.by_key):
             if not question.matches(keys.history(loop_key, last)):
                 continue
             for identity, payload in self._store.assessments(loop_key, since, until, limit):
                 key = keys.history(loop_key, identity)
                 if question.matches(key):
-                    out.append((key, payload, JSON_MIME))
-            if len(out) >= ANSWER_RECORDS:
-                break
-        return out[:ANSWER_RECORDS]
+                    yield key, payload, JSON_MIME
+                    sent += 1
+                    if sent >= ANSWER_RECORDS:
+                        return
 
 
 def _instant(name: str, text: str | None) -> int | None:

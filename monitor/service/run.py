@@ -80,6 +80,7 @@ class Opened:
             note("loops_unmatched", count=len(unmatched), loops=named(unmatched))
         self.bus.answer([keys.LOOPS, keys.of_monitor(own)])
         self.bus.alive(keys.monitor_alive(own))
+        self.bus.look_for_twins(own, lambda count: note("same_id", monitor=own, count=count))
         return service
 
     def show(self, save: Path | None) -> str:

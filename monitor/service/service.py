@@ -60,8 +60,8 @@ TIDY_EVERY_S, TIDY_AGAIN_S = 60.0, 1.0
 """Between two looks at what is too old or too much in the store; and while there is more of it [s]."""
 MOST_STRETCHES = 2000
 """Loops whose stretches may wait until there is time to see the controllers in them: about 30 MB."""
-REGISTERED_LOOPS = 200_000
-"""That may register themselves."""
+REGISTERED_LOOPS = 20_000
+"""That may register themselves: some 44 kB each, 0.9 GB; whoever has more of them has a loop table."""
 
 
 class Service:
@@ -108,6 +108,7 @@ class Service:
         self.trends = Trends(self.engine, bus)
         self.meter = Meter(now)
         self._heard = heard
+        self._full = False
         self._clock, self._monotonic = clock, monotonic
         self._release, self._look = Every(RELEASE_EVERY_S), Every(STALE_EVERY_S)
         self._status = Every(STATUS_EVERY_S)
@@ -229,8 +230,12 @@ class Service:
 
     def _register(self, name: str, key: str) -> int | None:
         """Watch a loop that is in no table."""
-        watched = len(self.loops.by_name)
-        if watched >= REGISTERED_LOOPS or not 0 < len(name.encode(errors="replace")) <= MOST_NAME_BYTES:
+        if not 0 < len(name.encode(errors="replace")) <= MOST_NAME_BYTES:
+            return None
+        if self.staleness.registered >= REGISTERED_LOOPS:
+            if not self._full:
+                self._full = True
+                note("registration_full", count=REGISTERED_LOOPS)
             return None
         if not name.isprintable() or "*" in key or "$" in key:  # for a terminal, or a key of many
             return None

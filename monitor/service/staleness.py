@@ -92,6 +92,11 @@ class Staleness:
         """Whether a loop is in no table."""
         return row in self._registered
 
+    @property
+    def registered(self) -> int:
+        """How many loops of no table there are."""
+        return len(self._registered)
+
     def overdue(self, arrival: NDArray[np.float64], now: float) -> list[int]:
         """Return the loops of no table that have been silent for so long that they are given up.
 

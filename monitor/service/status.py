@@ -120,6 +120,7 @@ def status_of(monitor: str, parts: Parts, now: float, time: int) -> Status:
         waiting_for_store=len(parts.outbox),
         records_lost=parts.outbox.records_lost,
         publish_failed=parts.bus.publish_failed,
+        twins=parts.bus.twins,
     )
 
 

@@ -62,6 +62,10 @@ class Subscriber(Protocol):
         """Hear nothing any more."""
 
 
+UNREADABLE = (ValueError, LookupError, TypeError, ArithmeticError, OSError, MemoryError, RuntimeError)
+"""What bytes of anybody raise where they are no record: text too deep (RuntimeError), a body cut off (OSError), ..."""
+
+
 class Session(Protocol):
     """A session of Zenoh's, as far as a view needs it; what its handlers are given is the library's own."""
 
@@ -122,7 +126,7 @@ class Feed:
         for message in (*self.replies.take(), *self.inbox.take()):
             try:
                 self._one(message, trends, lines)
-            except (ValueError, KeyError, TypeError, IndexError, msgspec.MsgspecError) as error:
+            except (*UNREADABLE, msgspec.MsgspecError) as error:
                 self._refuse(message, error)
         if self.selection.choose():
             self._follow()

@@ -46,6 +46,8 @@ MOST_DECOMPRESSED_BYTES = 64 * 2**20
 """Bytes to which a frame may decompress: those of the most rows."""
 MOST_MISSED_FRAMES = 2**32
 """Frames that can be missing; a number that leaps further is a new numbering."""
+REMEMBERED_BYTES = 64 * 2**20
+"""Of frames whose loops' names are remembered: a thousand streams of a thousand loops."""
 MOST_KEYS = 10_000
 """Frame streams whose numbers and names are remembered."""
 _TAGS = {"sp": TAG_SP, "op": TAG_OP, "auto": TAG_AUTO, "pv": TAG_PV}
@@ -115,6 +117,8 @@ class Decoder:
         """Payloads refused in the last call, the first of each cause and key: (cause, key, why)."""
         self._complained: set[tuple[str, str]] = set()
         self._streams: dict[str, _Stream] = {}
+        self._remembered = 0
+        """Bytes of the frames whose names are remembered: Arrow holds on to the whole of them."""
 
     def decode(self, messages: Iterable[Message], latest: int) -> Entries:
         """Return the entries (dtype `ENTRY`) of the messages, in their order, up to the first settings.
@@ -163,6 +167,10 @@ class Decoder:
     def forget(self, row: int) -> None:
         """Forget where a loop's samples belong: its row is another's from now on."""
         self.ahead.discard(row)
+        self._forget_names()
+
+    def _forget_names(self) -> None:
+        self._remembered = 0
         for stream in self._streams.values():
             stream.names, stream.loops = None, -1
 
@@ -268,7 +276,7 @@ class Decoder:
         if seq is not None and not self._follows(stream, seq, first):
             return np.zeros(0, ENTRY)
         for part, batch in zip(parts, batches, strict=True):
-            part["loop"] = self._loop_rows(batch.column("loop"), stream)
+            part["loop"] = self._loop_rows(batch.column("loop"), stream, len(message.payload))
         entries = _joined(parts)
         known = entries["loop"] >= 0
         return entries if known.all() else entries[known]
@@ -288,8 +296,8 @@ class Decoder:
             self.causes["missed_frames"] += seq - last - 1
         return True
 
-    def _loop_rows(self, column: Any, stream: _Stream) -> NDArray[np.int32]:
-        """Map names to rows of the table, -1 for unknown ones."""
+    def _loop_rows(self, column: Any, stream: _Stream, size: int) -> NDArray[np.int32]:
+        """Map names, of a frame of this size [bytes], to rows of the table, -1 for unknown ones."""
         if not pa.types.is_dictionary(column.type):
             column = column.cast(pa.string()).dictionary_encode()
         codes = column.indices
@@ -303,6 +311,9 @@ class Decoder:
             used = np.unique(codes)
             used = used[used < len(names)]
             stream.rows[used] = [self._named(n) for n in names.take(pa.array(used)).to_pylist()]
+            self._remembered += size
+            if self._remembered > REMEMBERED_BYTES:
+                self._forget_names()
             whole = len(used) == len(names)
             stream.names, stream.loops = (names, len(self.loops)) if whole else (None, -1)
         rows = stream.rows[codes]

@@ -20,16 +20,21 @@ class Question:
         self.parameters = _parameters(parameters)
         self.payload = b""
         self.replies: list[tuple[str, bytes, str]] | None = None
+        self.sent: list[tuple[str, bytes, str]] = []
         self.error: str | None = None
 
     def matches(self, key: str) -> bool:
         """Whether the query is for this key."""
         return _matches(self.key.split("/"), key.split("/"))
 
-    def answer(self, replies: Any) -> None:
+    def reply(self, key: str, payload: bytes, encoding: str) -> None:
+        """Keep a reply."""
+        assert self.matches(key)
+        self.sent.append((key, payload, encoding))
+
+    def end(self) -> None:
         """Keep the replies."""
-        assert all(self.matches(key) for key, _, _ in replies)
-        self.replies = list(replies)
+        self.replies = self.sent
 
     def refuse(self, why: str) -> None:
         """Keep the reason."""
@@ -58,7 +63,7 @@ class FakeBus:
         self.questions: deque[Any] = deque()
         self.said: list[tuple[str, bytes, str]] = []
         self.on_publish: Callable[[str, bytes], None] | None = None
-        self.publish_failed = 0
+        self.publish_failed = self.twins = 0
         self.keep = keep
 
     def publish(self, key: str, payload: bytes, encoding: str) -> None:

@@ -189,7 +189,9 @@ def test_questions_are_answered_or_refused_by_our_own_thread(bus, client):
     assert question.parameters == {"since": "2026-01-01T00:00:00Z", "limit": "3"}
     assert question.matches("loopsight/a/history/1")
     assert not question.matches("loopsight/b/history/1")
-    question.answer([(f"loopsight/a/history/{k}", b"%d" % k, "application/json") for k in range(3)])
+    for k in range(3):
+        question.reply(f"loopsight/a/history/{k}", b"%d" % k, "application/json")
+    question.end()
     thread.join(10)
     assert sorted(got.pop()) == [(f"loopsight/a/history/{k}", b"%d" % k) for k in range(3)]
     thread = get("loopsight/a/history/*")
@@ -198,8 +200,38 @@ def test_questions_are_answered_or_refused_by_our_own_thread(bus, client):
     assert got.pop() == []
     thread = get("**")
     question = until(lambda: bus.questions.popleft() if bus.questions else None)
-    question.answer([("loopsight/x", b"", ""), ("not a / key", b"", "")])
+    for key in ("loopsight/x", "not a / key"):
+        question.reply(key, b"", "")
+    question.end()
     thread.join(10)
+
+
+def test_replies_are_bounded(bus, client, monkeypatch):
+    """Of whoever answers without an end, so much is taken."""
+    monkeypatch.setattr(zenoh_bus, "ANSWER_BYTES", 5000)
+    bus.answer(["loopsight/**"])
+    got: list[Any] = []
+    thread = threading.Thread(target=lambda: got.append(ask(client, "loopsight/**", 60.0)))
+    thread.start()
+    question = until(lambda: bus.questions.popleft() if bus.questions else None)
+    for k in range(100):
+        question.reply(f"loopsight/{k}", bytes(1000), "")
+    question.end()
+    thread.join(60)
+    assert len(got.pop()) == 5
+
+
+def test_two_monitors_of_one_name_find_each_other(bus, client):
+    """At once, whichever came first, and until the other one has gone; others do not matter."""
+    found: list[int] = []
+    bus.look_for_twins("a", found.append)
+    other = Bus(client)
+    other.look_for_twins("b", found.append)
+    other.look_for_twins("a", found.append)
+    until(lambda: bus.twins == other.twins == 1)
+    assert found == [1, 1]
+    other.close()
+    until(lambda: bus.twins == 0)
 
 
 def test_close_twice(bus):

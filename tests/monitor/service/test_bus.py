@@ -15,9 +15,9 @@ def asked_for(protocol: type) -> set[str]:
 
 @pytest.mark.parametrize("bus", [zenoh_bus.Bus(session=None), fake.FakeBus()], ids=["zenoh", "fake"])
 def test_a_bus_has_all_that_is_asked_for(bus):
-    assert asked_for(Bus) == {"inbox", "questions", "publish_failed", "publish"}
+    assert asked_for(Bus) == {"inbox", "questions", "publish_failed", "twins", "publish"}
     assert not [name for name in asked_for(Bus) if not hasattr(bus, name)]
-    assert (len(bus.inbox), len(bus.questions), bus.publish_failed) == (0, 0, 0)
+    assert (len(bus.inbox), len(bus.questions), bus.publish_failed, bus.twins) == (0, 0, 0, 0)
 
 
 @pytest.mark.parametrize("question", [zenoh_bus.Question, fake.Question])

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from monitor.contract.loops import Loop, LoopTable
-from monitor.service.queries import DEFAULT_RECORDS
+from monitor.service.queries import DEFAULT_RECORDS, SLICE_RECORDS
 from tests.monitor.assess.test_upset import pulse, upset_loop
 from tests.monitor.service.tools import START, Bench, a_step, feed, one_loop
 from tests.support.bus import Question
@@ -147,12 +147,34 @@ def test_many_queries_leave_time_for_samples(bench):
     """Answering stops after its share of the tick; the rest is answered in the next ones."""
     b = bench(one_loop())
     b.service._monotonic = lambda: setattr(b, "now", b.now + 0.02) or b.now
-    b.bus.questions.extend(Question("loopsight/**/status") for _ in range(50))
+    questions = [Question("loopsight/**/status") for _ in range(50)]
+    b.bus.questions.extend(questions)
     b.tick()
-    assert 0 < len(b.bus.questions) < 50
+    assert 0 < sum(bool(q.sent) for q in questions) < 50
     for _ in range(50):
         b.tick()
-    assert not b.bus.questions
+    assert all(q.replies is not None for q in questions)
+
+
+def test_who_asks_for_all_is_answered_in_slices(bench):
+    """A tick sends some of it; who asks for one thing in between is answered first; a loop that goes is left out."""
+    b = bench(LoopTable([Loop(name=f"L{k}") for k in range(3 * SLICE_RECORDS)]))
+    times = iter(range(10**9))
+    b.service._monotonic = lambda: float(next(times))  # whenever it looks, the time for answers is over
+    every, one = Question("loopsight/**/status"), Question("loopsight/@/monitor/status")
+    b.bus.questions += [every, one]
+    for _ in range(4):
+        b.service.tick()
+    assert one.replies is not None
+    assert every.replies is None
+    assert 0 < len(every.sent) < 10
+    b.service._retire(b.loops.by_name["L299"])
+    ticks = 0
+    while every.replies is None:
+        b.service.tick()
+        ticks += 1
+    assert [k for k, _, _ in every.replies] == [f"loopsight/plant/L{k}/status" for k in range(299)]
+    assert ticks > 100
 
 
 def test_rows_of_an_earlier_run_are_answered(tmp_path):

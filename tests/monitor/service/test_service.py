@@ -263,12 +263,15 @@ def test_keys_of_many_register_nobody(bench):
     assert b.status()["unknown_loop"] == 5
 
 
-def test_registration_is_bounded_and_off_with_a_table(bench, monkeypatch):
+def test_registration_is_bounded_and_off_with_a_table(bench, monkeypatch, caplog):
     """Up to the most loops; with a table only on request."""
     monkeypatch.setattr("monitor.service.service.REGISTERED_LOOPS", 150)
     b = bench()
     feed(b, [("plant/frame", frame_of([f"n{k}" for k in range(400)]))])
     assert len(b.loops) == 150
+    assert caplog.messages == [
+        "150 loops have registered themselves, no more are taken: put them into a loop table"
+    ]
     assert len(b.service.reorder.state) >= 150
     assert b.status()["unknown_loop"] == 250
     b = bench(one_loop())

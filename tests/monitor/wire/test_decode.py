@@ -369,3 +369,15 @@ def test_what_follows_settings_is_left_to_be_decoded_after_them():
             loops.replace(*decoder.settings)
         seen.append((out["pv"].tolist(), loops[0].kp, loops[0].ti))
     assert seen == [([1.0], 4.0, math.inf), ([2.0], 4.0, 9.0), ([3.0], 4.0, 9.0)]
+
+
+def test_what_is_remembered_of_streams_is_bounded(monkeypatch):
+    """Frames under ever new keys: their names are forgotten in turn, and every sample finds its loop all the same."""
+    payload = frame()
+    monkeypatch.setattr("monitor.wire.decode.REMEMBERED_BYTES", 10 * len(payload))
+    decoder = Decoder(table())
+    for k in range(100):
+        out, _ = decode((f"plant/{k}/frame", payload), decoder=decoder)
+        assert out["loop"].tolist() == [0, 1, 2]
+        assert sum(stream.names is not None for stream in decoder._streams.values()) <= 11
+    assert not refused(decoder)

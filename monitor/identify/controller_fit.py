@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -232,6 +233,12 @@ def estimate(rows: Rows, known: Known, walk: float, place: Place) -> Estimate:
     return Estimate(gains, sd[:OP_GAINS], if_noise, Place(place.filter_time, place.late, float(s)), n, ratio)
 
 
+@lru_cache(maxsize=32)
+def _white_noise(n: int) -> Array:
+    """Return the same noise each time."""
+    return np.random.default_rng(0).standard_normal(n)
+
+
 def _without_noise(
     rows: Rows, known: Known, walk: float, place: Place, fit: tuple[Array, Array, float]
 ) -> Array:
@@ -242,8 +249,7 @@ def _without_noise(
     """
     m, gains, s = fit
     active = known.active
-    white = np.random.default_rng(0).standard_normal(len(rows))
-    noise = replace(rows, sp=np.zeros(len(rows)), pv=white)
+    noise = replace(rows, sp=np.zeros(len(rows)), pv=_white_noise(len(rows)))
     own = products(_white(noise, known, walk, place)[0])
     per = float(gains @ own[:OP, :OP] @ gains)
     share = s / per if per > 0 else 0.0

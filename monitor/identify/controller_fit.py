@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -213,15 +214,16 @@ def estimate(rows: Rows, known: Known, walk: float, place: Place) -> Estimate:
     m = products(white)
     active = known.active
     gains, s = solved(m, active)
-    own = np.diag(m)[active]
+    own = m.diagonal()[active]
     scale = np.where(own > LEAST_PRODUCT, np.sqrt(own), 1.0)  # a column that is nothing says nothing
-    scaled = m[np.ix_(active, active)] / np.outer(scale, scale) + RIDGE_SHARE * np.eye(len(active))
-    inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
+    scales = scale[:, None] * scale
+    scaled = m[active][:, active] / scales + RIDGE_SHARE * np.eye(len(active))
+    inverse = np.linalg.inv(scaled) / scales
     reach = int(min(4 + n ** (1 / 3), n // 4))
     robust = inverse @ scores(white, gains, active, reach) @ inverse
     least = (LEAST_REST_SHARE if rows.stride == 1 else THINNED_SHARE) ** 2 * float(m[OP, OP]) / max(n, 1)
     plain = max(s / max(n - len(active), 1), least) * inverse
-    variance = np.maximum(np.diag(robust), np.diag(plain))
+    variance = np.maximum(robust.diagonal(), plain.diagonal())
     sd = np.zeros(4)
     sd[active] = np.sqrt(np.maximum(variance, 0.0))
     if_noise = _without_noise(rows, known, walk, place, (m, gains, s))
@@ -230,6 +232,12 @@ def estimate(rows: Rows, known: Known, walk: float, place: Place) -> Estimate:
         alone = float(gains[INTEGRAL]) ** 2 / float(inverse[1, 1])  # what the integral alone explains
     ratio = 1.0 + s / alone if alone > 0 else math.inf
     return Estimate(gains, sd[:OP_GAINS], if_noise, Place(place.filter_time, place.late, float(s)), n, ratio)
+
+
+@lru_cache(maxsize=32)
+def _white_noise(n: int) -> Array:
+    """Return the same noise each time."""
+    return np.random.default_rng(0).standard_normal(n)
 
 
 def _without_noise(
@@ -242,14 +250,13 @@ def _without_noise(
     """
     m, gains, s = fit
     active = known.active
-    white = np.random.default_rng(0).standard_normal(len(rows))
-    noise = replace(rows, sp=np.zeros(len(rows)), pv=white)
+    noise = replace(rows, sp=np.zeros(len(rows)), pv=_white_noise(len(rows)))
     own = products(_white(noise, known, walk, place)[0])
     per = float(gains @ own[:OP, :OP] @ gains)
     share = s / per if per > 0 else 0.0
-    left = (m - share * own)[np.ix_(active, active)]
-    scale = np.sqrt(np.maximum(np.diag(m)[active], LEAST_PRODUCT))
-    scaled = left / np.outer(scale, scale) + RIDGE_SHARE * np.eye(len(active))
+    left = (m - share * own)[active][:, active]
+    scale = np.sqrt(np.maximum(m.diagonal()[active], LEAST_PRODUCT))
+    scaled = left / (scale[:, None] * scale) + RIDGE_SHARE * np.eye(len(active))
     out = np.full(4, np.nan)
     if np.isfinite(scaled).all() and np.linalg.eigvalsh(scaled)[0] > 0.0:
         out[:] = 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from monitor.advise.prediction import predict, references_of
 from monitor.assess.event import Finding
 from monitor.assess.index import index_on
-from monitor.assess.predicted import Indices
+from monitor.assess.predicted import NO_INDICES, Indices
 from monitor.assess.reference import model_of, settings_of, structure_and_time
 from monitor.assess.tuning import current_sensitivity, indices_to_come
 from monitor.contract.loops import Loop
@@ -52,7 +52,7 @@ def kindest(loop: Loop, predicted: Indices, ci: Indices, rivals: tuple[Fit, ...]
     rivals
         The models of the other kind that are not excluded.
     """
-    for model in map(model_of, rivals):
+    for model in map(model_of, rivals if predicted != NO_INDICES else ()):
         other = indices_to_come(loop, model, ci, current_sensitivity(loop, model, period), period)
         pairs = zip(predicted, other, strict=True)
         of_setpoint, of_load = (a if a is None or b is None else max(a, b) for a, b in pairs)

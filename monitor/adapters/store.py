@@ -29,6 +29,7 @@ CREATE TABLE IF NOT EXISTS loop (key TEXT PRIMARY KEY, json BLOB NOT NULL);
 CREATE TABLE IF NOT EXISTS memory
   (key TEXT PRIMARY KEY, declared BLOB NOT NULL, loop BLOB NOT NULL, layout TEXT NOT NULL, known BLOB NOT NULL);
 CREATE TABLE IF NOT EXISTS waiting (id TEXT PRIMARY KEY, key TEXT NOT NULL, layout TEXT NOT NULL, known BLOB NOT NULL);
+CREATE TABLE IF NOT EXISTS shelf (key TEXT PRIMARY KEY, until INTEGER NOT NULL, reason TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS published (event INTEGER, assessment INTEGER, suggestion INTEGER);
 CREATE TABLE IF NOT EXISTS day (number INTEGER PRIMARY KEY, event INTEGER, assessment INTEGER, suggestion INTEGER);
 """
@@ -39,8 +40,6 @@ _DAMAGED = {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB}
 """Errors, without their extended part, that say that the file is no database any more."""
 LOCK_WITHIN_S = 0.25
 """How long a lock of somebody else's may hold up the tick [s]."""
-
-
 KEEP_DAYS = 730.0
 """How far back what was kept reaches [days]."""
 KEEP_BYTES = 4 * 2**30
@@ -92,6 +91,15 @@ class Memory(NamedTuple):
     known: bytes
 
 
+class Shelved(NamedTuple):
+    """A loop whose flag is put aside."""
+
+    key: str
+    until: int
+    """[ns since 1970]"""
+    reason: str
+
+
 class Unpublished(NamedTuple):
     """A record that may not have been published."""
 
@@ -115,7 +123,6 @@ class Store:
     ----------
     folder
         Made where it is missing; holds ``loopsight.sqlite``.
-
     keep_days, keep_bytes
         What is older, or more, is removed by `tidy`.
 
@@ -244,6 +251,18 @@ class Store:
         """Return (id, loop key, layout, what is known) of the events that wait to be assessed, in order."""
         rows = self._read("SELECT id, key, layout, known FROM waiting ORDER BY rowid")
         return [(str(i), str(k), str(layout), bytes(known)) for i, k, layout, known in rows]
+
+    def keep_shelved(self, one: Shelved) -> None:
+        """Keep that a loop's flag is put aside."""
+        self._db.execute("INSERT OR REPLACE INTO shelf VALUES (?, ?, ?)", one)
+
+    def drop_shelved(self, key: str) -> None:
+        """Forget that a loop's flag is put aside."""
+        self._db.execute("DELETE FROM shelf WHERE key = ?", (key,))
+
+    def shelved(self) -> list[Shelved]:
+        """Return the loops whose flags are put aside."""
+        return [Shelved(*row) for row in self._read("SELECT key, until, reason FROM shelf ORDER BY key")]
 
     # -- what has been published --------------------------------------------------------------------
 

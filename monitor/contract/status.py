@@ -72,6 +72,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     clock_ahead: list[str]
     stale: list[str]
     never_heard: list[str] = []
+    shelved: dict[str, str] = {}
+    """Loops whose flags are put aside: until when, and why."""
     disturbances: int
     unknown: dict[str, int]
     """Keys or names that no loop has, with how often they came."""

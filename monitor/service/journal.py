@@ -74,6 +74,8 @@ MESSAGES: dict[str, tuple[int, str]] = {
         "of {count} loops the settings hold; what else was known is another version's, and begins anew",
     ),
     "memory_damaged": (WARNING, "store: {key}: {why}; it begins anew"),
+    "shelved": (INFO, "{loop}: its flag is put aside until {until}: {why}"),
+    "unshelved": (INFO, "{loop}: its flag is put back"),
     "reloaded": (
         INFO,
         "configuration read again: {added} loops new, {changed} changed, {removed} gone; {loops} now",

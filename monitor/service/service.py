@@ -37,6 +37,7 @@ from .memories import Memories
 from .outbox import Outbox
 from .queries import Queries
 from .reorder import Reorder
+from .shelf import Shelf
 from .snapshot import OpenEvents
 from .staleness import Staleness
 from .status import Meter, encode_status, status_of
@@ -103,9 +104,9 @@ class Service:
         self.decoder = Decoder(loops, self._who_registers())
         self.memories = Memories(loops, self.engine, self.reorder, store, now)
         self.outbox = Outbox(loops, bus, store, self.memories, self.row)
-        self.queries = Queries(config.id, self.engine, store, self.row, lambda: encode_status(self.status()))
         self.staleness = Staleness(loops)
-        self.trends = Trends(self.engine, bus)
+        self.shelf = Shelf(loops, store, clock)
+        self.trends = Trends(self.engine, bus, self.shelf)
         self.meter = Meter(now)
         self._heard = heard
         self._full = False
@@ -116,6 +117,8 @@ class Service:
         self._snapshot = Every(SNAPSHOT_EVERY_S, first=now + SNAPSHOT_EVERY_S)
         self._open = OpenEvents(open_file)
         self._take_up()
+        obey = self.shelf.obey if config.commands else None
+        self.queries = Queries(config.id, self.engine, store, self.row, self._how, obey)
         self._left_open = self._take_up_events()
 
     # -- the tick -----------------------------------------------------------------------------------
@@ -190,6 +193,7 @@ class Service:
         if self._look.due(now):
             last = self.engine.seen.all_last()
             held = self.reorder.state[: len(last.time)]
+            self.shelf.look()
             if self.staleness.look(last, held["arrival"], held["newest"], now):
                 self._status.hasten(now)
         if self._tidy.due(now):
@@ -201,7 +205,7 @@ class Service:
         if self._snapshot.due(now):
             self._open.keep(self.engine, self.reorder, self._clock())
         if self._status.due(now):
-            self.bus.publish(keys.monitor_status(self.config.id), encode_status(self.status()), JSON_MIME)
+            self.bus.publish(keys.monitor_status(self.config.id), self._how(), JSON_MIME)
             self.meter.published()
 
     def _in_time(self, seconds: float) -> Callable[[], bool]:
@@ -262,10 +266,7 @@ class Service:
         return self._register if self.config.auto_register or not self.config.loops else None
 
     def reload(self, config: Config, table: LoopTable) -> None:
-        """Go over to another configuration and loop table, between two ticks; loops that stay lose nothing.
-
-        What is open already (session, store, view) stays as it is.
-        """
+        """Go over to another configuration and loop table, between two ticks; loops that stay lose nothing."""
         self.config = config
         self.decoder.register = self._who_registers()
         self.reorder.window = round(config.reorder_window * 1e9)
@@ -300,6 +301,9 @@ class Service:
     def status(self) -> Status:
         """Return the monitor's health, for the bus and for ``loopsight status``."""
         return status_of(self.config.id, self, self._monotonic(), self._clock())
+
+    def _how(self) -> bytes:
+        return encode_status(self.status())
 
     def row(self, number: int) -> LoopRow:
         """Return a loop's row, marked where nothing comes from it any more."""

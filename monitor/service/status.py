@@ -16,6 +16,7 @@ from monitor.wire.encode import to_json
 from .bus import Bus
 from .outbox import Outbox
 from .reorder import Reorder
+from .shelf import Shelf
 from .staleness import NAMED_LOOPS, Staleness
 from .trends import Trends
 
@@ -65,6 +66,7 @@ class Parts(Protocol):
     outbox: Outbox
     staleness: Staleness
     trends: Trends
+    shelf: Shelf
     meter: Meter
     bus: Bus
 
@@ -109,6 +111,7 @@ def status_of(monitor: str, parts: Parts, now: float, time: int) -> Status:
         clock_ahead=_names(parts, parts.decoder.ahead, NAMED_LOOPS),
         stale=_names(parts, parts.staleness.stale, NAMED_LOOPS),
         never_heard=_names(parts, parts.staleness.never_heard, NAMED_LOOPS),
+        shelved=parts.shelf.said,
         disturbances=parts.engine.disturbances,
         unknown=dict(parts.decoder.unknown.most_common(UNKNOWN_KEYS)),
         rates=parts.meter.rates(now, parts.bus.inbox.received, samples_ok),

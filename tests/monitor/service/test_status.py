@@ -13,7 +13,7 @@ NAMES = """
 schema id time uptime ready not_ready loops flagged messages dropped
 samples_ok uncertain bad_value bad_quality duplicate conflict late
 malformed too_large unknown_loop future bad_time missed_frames repeated_frames
-clock_steps clock_ahead stale never_heard disturbances unknown rates queue latency held reorder_overflow backlog
+clock_steps clock_ahead stale never_heard shelved disturbances unknown rates queue latency held reorder_overflow backlog
 waiting_for_store records_lost publish_failed twins
 """.split()
 

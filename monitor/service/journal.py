@@ -92,7 +92,7 @@ MESSAGES: dict[str, tuple[int, str]] = {
     "snapshot_failing": (DEBUG, "{path}: {why}"),
     "stopped_early": (
         WARNING,
-        "stop: {count} events are kept without an assessment, {messages} messages left",
+        "stop: {count} events are left to be assessed at the next start, {messages} messages are lost",
     ),
 }
 """Level and text of each message by its code; its fields are those of the JSON, too."""

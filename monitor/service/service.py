@@ -47,8 +47,8 @@ TICK_MESSAGES, TICK_BYTES = 50_000, 16 * 2**20
 """Messages, and their bytes, taken from the inbox in one tick: a backlog does not hide all else."""
 ASSESS_S, ANSWER_S = 0.05, 0.05
 """Time in a tick for assessing closed events (in an upset the ingest goes on), and for answering queries [s]."""
-FINISH_S = 6.0
-"""Time for working off and assessing what is held when told to stop; events left over are kept as closed [s]."""
+FINISH_S = 4.0
+"""Time for working off and assessing what is held when told to stop; events left over wait for the next start [s]."""
 RELEASE_EVERY_S = 0.1
 """Between two looks for loops that have gone idle [s]."""
 STALE_EVERY_S = 1.0

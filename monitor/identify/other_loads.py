@@ -122,4 +122,5 @@ def _thinned(w: Columns) -> Columns:
     thin = max(len(w.at) // GRID_POINTS, 1)
     at = w.at[::thin].copy()
     measured = w.measured[::thin].copy()
-    return columns_of(at, w.since, w.held, measured, w.kind, w.high, w.shape, w.beside)
+    few: Columns = columns_of(at, w.since, w.held, measured, w.kind, w.high, w.shape, w.beside)
+    return few

@@ -180,7 +180,8 @@ def columns(
     # a load that is looked for beside a set-point step comes at any time, and OP need not have balanced another
     sloped = kind == 0 or (kind == 2 and last_onset > 0.0)
     high = bounds(since, kind, last_onset)
-    return columns_of(at, since, held, pv, kind, high, shape, Beside(sloped))
+    laid: Columns = columns_of(at, since, held, pv, kind, high, shape, Beside(sloped))
+    return laid
 
 
 def _noise(window: EventWindow, load: bool) -> float:

@@ -6,47 +6,38 @@ batched: detection works sample by sample, and a loop's assessment rests on that
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor.assess.disturbance import assess_disturbance
 from monitor.assess.event import assess_event
+from monitor.assess.told import closing, window_of
 from monitor.contract.danger import worst_first
-from monitor.contract.evidence import Answers, Window
+from monitor.contract.evidence import Answers
 from monitor.contract.loops import Loop, LoopTable
-from monitor.contract.records import SETPOINT, Assessment, Event, LoopRow, Plan, Record, Suggestion, event_id
+from monitor.contract.records import SETPOINT, Event, LoopRow, Record, Suggestion, event_id
 from monitor.contract.samples import Samples
 from monitor.detect.constants import SUSPECTED_LOAD_QUANTA
 from monitor.detect.detector import Detector, Found
 from monitor.detect.event import BY_GAP, BY_SETTINGS, LOAD_STEP, ClosedEvent, Stretch
-from monitor.detect.state import COUNTS, FATES
+from monitor.detect.state import FATES
 from monitor.health.diagnoses import Diagnoses
 from monitor.health.diagnosis import Signs
 from monitor.health.loop_health import by_exception, figures
 from monitor.health.measurement import compression_of
-from monitor.identify.direct import model_response
-from monitor.identify.fit import Fit
+from monitor.memory import LoopMemory, WaitingEvent
 from monitor.reporting.stage import Reporting
+from monitor.samples_seen import SamplesSeen
 from monitor.verdict.answers import answers_of
 from monitor.verdict.history import LoopHistory
 from monitor.verdict.in_force import InForce
 from monitor.verdict.moves import is_led, moves_in_words
 from monitor.verdict.parts import Tuning
 from monitor.verdict.row import loop_row, says_new
-from monitor.verdict.stale import LastSample, LastSamples
-
-
-class _Waiting(NamedTuple):
-    """An event to be assessed, and what was known of its loop's rows when it closed."""
-
-    event: ClosedEvent
-    dead_band: float | None
-    """By which PV must change for a row to come, about [PV]; None where rows come at a rate."""
 
 
 class Engine:
@@ -66,29 +57,22 @@ class Engine:
         self.most_stretches = most_stretches
         self.reporting = Reporting(list(loops))
         self.detector = Detector(list(loops))
+        self.seen = SamplesSeen(self.detector, self.reporting)
+        """What became of the samples."""
         self._histories: dict[int, LoopHistory] = {}
-        self._pending: list[_Waiting] = []
+        self.waiting: list[WaitingEvent] = []
+        """Events that have closed and are to be assessed, in order; those that another engine closed may be added."""
         self._diagnoses = Diagnoses(most_stretches)
         self._stretches: dict[int, list[Stretch]] = {}
         """By row: to be looked at before the row's next event, or when nothing else waits."""
-        self._retired: Counter[str] = Counter()
-        """What became of the samples of loops that are watched no more."""
+        self._declared: dict[int, Loop] = {}
+        """Rows of the loop table as they were before something else was said of their loops."""
+        self._changed: set[int] = set()
+        """Rows of loops of which more is known than when this was last asked."""
         self.disturbances = 0
         """Upsets that are no clean step."""
         self.passed_over = 0
         """Suspected load steps that no step explains, and that do not stand out of what the loop always does."""
-
-    def add(self, loop: Loop) -> int:
-        """Watch one more loop; return its row.
-
-        Raises
-        ------
-        ValueError
-            Its name or key is taken.
-        """
-        row = self.loops.add(loop)
-        self.follow()
-        return row
 
     def follow(self) -> None:
         """Watch what was added to the loop table: a thousand loops at once cost as much as one."""
@@ -104,13 +88,24 @@ class Engine:
         events showed stays known; their indices no longer speak for the loop.
         """
         records = self._finish(row, BY_SETTINGS)
+        self._declared.setdefault(row, self.loops[row])
         self.loops.replace(row, loop)
+        self.take_over(row)
+        self._history(row).retune(self.seen.last(row).time + 1, self.loops[row])
+        self._diagnoses.forget(row)
+        self._changed.add(row)
+        return records
+
+    def redeclared(self, row: int, loop: Loop) -> list[Record]:
+        """Take over a loop's row of the loop table, which is another one now."""
+        records = self.retuned(row, loop)
+        self._declared.pop(row)
+        return records
+
+    def take_over(self, row: int) -> None:
+        """Take over a loop's ranges, limits and period, as its row has them now."""
         self.reporting.set_period(row, self.loops[row])
         self.detector.set_limits(row, self.loops[row])
-        history = self._history(row)
-        history.retune(self.last_sample(row).time + 1, self.loops[row])
-        self._diagnoses.forget(row)
-        return records + history.take_plan()
 
     def set_back(self, row: int, first: int) -> list[Record]:
         """Begin a loop anew at an earlier time, ``first`` [ns]: its clock was set back, and an open event ends."""
@@ -123,22 +118,23 @@ class Engine:
     def retire(self, row: int) -> list[Record]:
         """Give up a loop; an open event ends. Its row is as new, for whoever takes it next."""
         records = self._finish(row, BY_GAP)
-        for name in COUNTS:
-            self._retired[name] += int(self.detector.state["counts"][name][row])
-        self._retired["ok"] -= int(self.reporting.added[row])
+        self.seen.keep(row)
         self.reporting.forget(row)
         self._histories.pop(row, None)
         self._diagnoses.forget(row)
         self.detector.forget(row)
+        self._declared.pop(row, None)
+        self._changed.discard(row)
         return records
 
     def _finish(self, row: int, cause: int) -> list[Record]:
         """End a loop's open event, and assess those that wait."""
         records = self._let_go([row]) + self._take(self.detector.flush([row], cause))
-        own = [waiting for waiting in self._pending if waiting.event.row == row]
-        self._pending = [waiting for waiting in self._pending if waiting.event.row != row]
-        records += [record for waiting in own for record in self._assess(*waiting)]
-        return records + self._look_at_stretches(row)
+        own = [waiting for waiting in self.waiting if waiting.event.row == row]
+        self.waiting = [waiting for waiting in self.waiting if waiting.event.row != row]
+        records += [record for waiting in own for record in self._assess(waiting)]
+        self._look_at_stretches(row)
+        return records
 
     # -- samples in, records out ------------------------------------------------------------------
 
@@ -167,17 +163,18 @@ class Engine:
     def assess(self, most: int | None = None) -> list[Record]:
         """Assess waiting events, oldest first, then look at the controllers in stretches; at most ``most`` of both."""
         n = self.backlog if most is None else min(most, self.backlog)
-        now, self._pending = self._pending[:n], self._pending[n:]
-        records = [record for waiting in now for record in self._assess(*waiting)]
+        now, self.waiting = self.waiting[:n], self.waiting[n:]
+        records = [record for waiting in now for record in self._assess(waiting)]
         for row in sorted(self._stretches.keys() | self._diagnoses.waiting.keys())[: n - len(now)]:
-            records += self._look_at_stretches(row)
+            self._look_at_stretches(row)
             self._diagnoses.look(row)
+            self._changed.add(row)
         return records
 
     @property
     def backlog(self) -> int:
         """Events, and loops with stretches or blocks, that wait for `assess`."""
-        return len(self._pending) + len(self._stretches.keys() | self._diagnoses.waiting.keys())
+        return len(self.waiting) + len(self._stretches.keys() | self._diagnoses.waiting.keys())
 
     def close(self) -> list[Record]:
         """Close what is open, because the data end here; assessments wait for `assess`."""
@@ -192,6 +189,7 @@ class Engine:
         self._diagnoses.wait(self.detector.take_blocks())
         records: list[Record] = []
         for event in found:
+            self._changed.add(event.row)
             closed = event if isinstance(event, ClosedEvent) else None
             if closed is None or closed.kind != LOAD_STEP:
                 loop = self.loops[event.row].name
@@ -207,13 +205,13 @@ class Engine:
                     )
                 )
             if closed is not None:
-                self._pending.append(_Waiting(closed, self.reporting.dead_band(closed.row)))
+                self.waiting.append(WaitingEvent(closed, self.reporting.dead_band(closed.row)))
         return records
 
     def _history(self, row: int) -> LoopHistory:
         return self._histories.setdefault(row, LoopHistory(InForce(self.loops[row])))
 
-    def _look_at_stretches(self, row: int, until: int | None = None) -> list[Record]:
+    def _look_at_stretches(self, row: int, until: int | None = None) -> None:
         """See the controller in a loop's waiting stretches that end by ``until`` [ns], all by default."""
         waiting, history = self._stretches.pop(row, []), self._history(row)
         for k, stretch in enumerate(waiting):
@@ -221,16 +219,18 @@ class Engine:
                 self._stretches[row] = waiting[k:]
                 break
             history.look(stretch.window, stretch.start, stretch.end, stretch.period)
-        return [*history.take_plan()]
 
-    def _assess(self, event: ClosedEvent, dead_band: float | None) -> list[Record]:
+    def _assess(self, waiting: WaitingEvent) -> list[Record]:
         """See the controller in an event, and judge both; a loop's order is that of time, however it was batched."""
-        records, history = self._look_at_stretches(event.row, event.end), self._history(event.row)
+        event = waiting.event
+        self._look_at_stretches(event.row, event.end)
+        history = self._history(event.row)
         if not (event.thinned and history.in_force.seen_since(event.onset)):
             first = event.onset + round(event.window.time[0] * 1e9)
             history.look(event.window, first, event.end, event.period)
         signs = self._diagnoses.look(event.row, event.end)
-        return records + self._judged(event, history, dead_band, signs) + history.take_plan()
+        self._changed.add(event.row)
+        return self._judged(event, history, waiting.dead_band, signs)
 
     def _judged(
         self, event: ClosedEvent, history: LoopHistory, dead_band: float | None, signs: Signs
@@ -254,8 +254,8 @@ class Engine:
         if not finding.is_event:
             return [] if finding.is_tail else self._disturbed(event, history, made_up, dead_band, signs)
         finding = history.add(finding)
-        records: list[Record] = [] if finding.record.kind == SETPOINT else [_closing(finding.record)]
-        records += [finding.record, _window(event, finding.record, finding.fit)]
+        records: list[Record] = [] if finding.record.kind == SETPOINT else [closing(finding.record)]
+        records += [finding.record, window_of(event, finding.record, finding.fit)]
         standing = self._row(row, event.health, event.period, dead_band, signs)
         history.verdict = standing.verdict
         if standing.new_kp is None:
@@ -277,7 +277,7 @@ class Engine:
         self.disturbances += 1
         record = history.add_disturbance(record)
         history.verdict = self._row(event.row, event.health, event.period, dead_band, signs).verdict
-        return [_closing(record), record, _window(event, record, None)]
+        return [closing(record), record, window_of(event, record, None)]
 
     # -- the loop as it stands --------------------------------------------------------------------
 
@@ -333,36 +333,50 @@ class Engine:
         """Return the rows of the loops with an open event."""
         return self.detector.open_rows
 
-    def last_samples(self) -> LastSamples:
-        """Return how all loops' samples ended, as of now."""
-        state = self.detector.state
-        clock, counts, waiting = state["clock"], state["counts"], self.reporting.waiting
-        return LastSamples(
-            time=np.where(waiting > 0, self.reporting.state["time"], state["last"]["time"]),
-            # of rows on change, the longest silence that is none
-            period=np.maximum(clock["period"], self.reporting.quiet),
-            good=counts["ok"] - self.reporting.added + waiting,
-            bad_value=counts["bad_value"],
-            bad_quality=counts["bad_quality"],
-            bad_run=clock["bad_run"],
-        )
+    # -- what outlives the process ------------------------------------------------------------------
 
-    def last_sample(self, row: int) -> LastSample:
-        """Return how a loop's samples ended."""
-        return LastSample(*(column[row].item() for column in self.last_samples()))
+    def take_changed(self) -> set[int]:
+        """Return the rows of the loops of which more is known than when this was last asked."""
+        changed, self._changed = self._changed, set()
+        return changed
 
-    def counts(self) -> dict[str, int]:
-        """Return what became of all samples, by cause."""
-        counts = {
-            name: int(self.detector.state["counts"][name].sum()) + self._retired[name] for name in COUNTS
-        }
-        return {**counts, "ok": counts["ok"] - int(self.reporting.added.sum())}
+    def declared(self, row: int) -> Loop:
+        """Return a loop's row of the loop table, as it was before something else was said of the loop."""
+        return self._declared.get(row, self.loops[row])
 
-    def go_on(self, row: int, plan: Plan) -> None:
-        """Go on with a loop's retune that was under way when another engine ended."""
-        self._history(row).go_on(plan)
+    def remember(self, row: int) -> LoopMemory:
+        """Return what samples have shown of a loop: not a copy, to be used before the next ones."""
+        numbers = {"state": self.detector.state[row], "health": self.detector.health[row]}
+        numbers |= {name: array[0] for name, array in self.reporting.known(np.array([row])).items()}
+        return LoopMemory(self._histories.get(row), self._diagnoses.of(row), numbers)
 
-    # -- open events that outlive the process -------------------------------------------------------
+    def recall(self, row: int, declared: Loop, loop: Loop, memory: LoopMemory | None) -> None:
+        """Go on with what another engine knew of a loop; its samples begin anew, as after a gap.
+
+        Parameters
+        ----------
+        declared, loop
+            Its row of the loop table then, and with what was said since: that holds, unless the row is another one now.
+        memory
+            What samples had shown; None: that cannot be read.
+        """
+        table = self.loops[row]
+        if memory is not None:
+            if memory.history is not None:
+                self._histories[row] = memory.history
+            self._diagnoses.go_on(row, memory.diagnosis)
+            self.detector.recall(row, memory.numbers)
+            self.reporting.adopt(row, memory.numbers)
+            self.seen.take_off(row)
+        if table == declared != loop:
+            self._declared[row] = table
+            self.loops.replace(row, loop)
+            self.take_over(row)
+        elif table != declared:
+            self.loops.replace(row, loop)
+            self.redeclared(row, table)
+
+    # -- open events that outlive it as well --------------------------------------------------------
 
     def known(self, rows: NDArray[np.intp]) -> dict[str, NDArray[Any]]:
         """Copy all that is known of loops with an open event: plain arrays with a row for each loop.
@@ -373,24 +387,7 @@ class Engine:
 
     def adopt(self, row: int, known: dict[str, Any]) -> None:
         """Go on with a loop whose event was open when another engine ended: its row of each array of `known`."""
+        self.seen.keep(row)
         self.detector.adopt(row, known)
         self.reporting.adopt(row, known)
-
-
-def _closing(record: Assessment) -> Event:
-    """Return the event of a load step that has proved to be one, or of a disturbance."""
-    return Event(**{name: getattr(record, name) for name in Event.__struct_fields__})
-
-
-def _window(event: ClosedEvent, record: Assessment, fit: Fit | None) -> Window:
-    w = event.window
-    return Window(
-        id=record.id,
-        loop=record.loop,
-        onset=event.onset,
-        time=event.onset + np.round(w.time * 1e9).astype(np.int64),
-        sp=w.sp,
-        pv=w.pv,
-        op=w.op,
-        model=np.full(len(w), np.nan) if fit is None else model_response(w, fit),
-    )
+        self.seen.take_off(row)

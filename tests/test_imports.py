@@ -17,15 +17,18 @@ MOST_LINES = 400
 CORE = ("contract", "health", "reporting", "detect", "identify", "assess", "advise", "verdict", "engine")
 STATIONS: dict[str, tuple[str, ...]] = {
     "compiled": (),
+    "median": (),
     "contract": ("tuners",),
-    "health": ("compiled",),
+    "health": ("compiled", "median"),
     "reporting": ("compiled", "contract"),
-    "detect": ("compiled", "contract", "health"),
-    "identify": ("compiled", "contract", "detect.event", "tuners"),
+    "detect": ("compiled", "median", "contract", "health"),
+    "identify": ("compiled", "median", "contract", "detect.event", "tuners"),
     "assess": ("contract", "detect.event", "identify", "tuners"),
     "advise": ("compiled", "contract", "identify", "assess", "tuners"),
-    "verdict": ("contract", "detect.event", "health", "identify", "assess", "advise", "tuners"),
-    "engine": (*(s for s in CORE if s != "engine"), "compiled", "tuners"),
+    "verdict": ("median", "contract", "detect.event", "health", "identify", "assess", "advise", "tuners"),
+    "memory": (*(s for s in CORE if s != "engine"), "tuners"),
+    "samples_seen": ("detect", "reporting", "verdict.stale"),
+    "engine": (*(s for s in CORE if s != "engine"), "memory", "samples_seen", "compiled", "tuners"),
     "wire": ("contract",),
     "adapters": ("contract", "wire", "compiled"),
     "view": ("contract", "wire", "adapters"),
@@ -35,6 +38,7 @@ STATIONS: dict[str, tuple[str, ...]] = {
             "compiled",
             "contract",
             "engine",
+            "memory",
             "verdict.stale",
             "verdict.together",
             "wire",
@@ -55,7 +59,7 @@ STATIONS: dict[str, tuple[str, ...]] = {
 PLANTS_AT = {"monitor/cli/demo.py", "monitor/cli/simulate.py"}
 """What judges must not know the truth: only these start or make simulated plants."""
 
-PURE = ("compiled", *CORE)
+PURE = ("compiled", "median", "memory", "samples_seen", *CORE)
 OUTSIDE = {
     *("time", "datetime", "os", "pathlib", "io", "logging", "threading", "subprocess", "socket", "random"),
     *("multiprocessing", "asyncio", "sqlite3", "click", "rich", "pyarrow", "pandas", "zenoh", "rerun"),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,7 @@ MIN_POINTS, MAX_POINTS = 1 << 11, 1 << 17
 SETTLED_SHARE = 1e-4  # share of the step that may be left at the end of the window; above, the window doubles
 WINDOW_TIME_CONSTANTS = 12.0  # slowest ones in the first window: e^-12 is below SETTLED_SHARE, with room
 FIGURE_POINTS = 512, 1 << 14  # least and most samples for figures without curves
+SWEEP = np.geomspace(1.0, 1e6, 200)  # where a crossover is looked for, in windows
 SETTLING_SHARE = 0.02  # the usual 2 % band of the settling time
 
 
@@ -268,7 +270,7 @@ def _product(one: Array | list[Array], other: Array | list[Array]) -> Array:
 
 def _loop_speed(model: Process, settings: Settings, window: float | Array) -> Array:
     """Highest frequency at which abs(L) is above 1 [rad/s], within the window's reach; window () or (L, 1)."""
-    omega = np.geomspace(1.0, 1e6, 200) / window
+    omega = SWEEP / window
     above = np.abs(model.frequency_response(omega) * settings.frequency_response(omega)) > 1
     return np.asarray(np.where(above, omega, 1 / np.asarray(window)).max(axis=-1))
 
@@ -328,14 +330,21 @@ def _half_wave(transfer: ComplexArray, count: int) -> Array:
     return np.asarray(wave[: 2 * count + 1])
 
 
+@lru_cache(maxsize=8)  # of powers of two, `FIGURE_POINTS`
+def _turns(count: int) -> tuple[ComplexArray, ComplexArray]:
+    """Return half a turn in so many steps, and a square wave's odd harmonics; (count,) each."""
+    turn = np.exp(1j * math.pi / count * np.arange(count))
+    return turn, 1j * math.pi * np.arange(1, 2 * count, 2)
+
+
 def _half_waves(transfer: ComplexArray) -> Array:
     """Return the first half period (L, count) of the answers (L, count) to the same square wave, without its end.
 
     The odd harmonics 2m + 1 are the harmonics m turned on by half a turn over the half period.
     """
     count = transfer.shape[-1]
-    turn = np.exp(1j * math.pi / count * np.arange(count))
-    wave = np.fft.ifft(transfer / (1j * math.pi * np.arange(1, 2 * count, 2)), axis=-1)
+    turn, harmonics = _turns(count)
+    wave = np.fft.ifft(transfer / harmonics, axis=-1)
     return np.asarray(2.0 * count * (wave * turn).real)
 
 

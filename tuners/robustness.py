@@ -73,21 +73,23 @@ def _least_distance(loops: Loops, curve: _Curve, inverse: bool) -> Array:
         return d2 / (re * re + im * im) if inverse else d2
 
     squared = distance2(curve.re, curve.im)
-    points, count = squared.shape
-    columns = np.arange(count)
+    columns = np.arange(squared.shape[1])
     best = np.sqrt(squared.min(axis=0))
     # Two peaks can be equally high within the grid's error: refine the two lowest local minima.
     inner = squared[1:-1]
     local = (inner <= squared[:-2]) & (inner <= squared[2:])
     candidates = np.where(local, inner, np.inf)
+    rows, loop = [], []
     for _ in range(2):
         index = candidates.argmin(axis=0)
-        found = np.isfinite(candidates[index, columns])
-        index = np.clip(index + 1, 1, points - 2)
-        ends = np.log(curve.omega[index - 1, columns]), np.log(curve.omega[index + 1, columns])
-        refined = _refine(loops, ends, distance2)
-        best = np.where(found, np.minimum(best, refined), best)
-        candidates[index - 1, columns] = np.inf
+        found = np.flatnonzero(np.isfinite(candidates[index, columns]))
+        rows.append(index[found] + 1)
+        loop.append(found)
+        candidates[index, columns] = np.inf
+    row, of = np.concatenate(rows), np.concatenate(loop)  # both refined at once
+    if of.size:
+        ends = np.log(curve.omega[row - 1, of]), np.log(curve.omega[row + 1, of])
+        np.minimum.at(best, of, _refine(loops.take(of), ends, distance2))
     return np.asarray(best)
 
 

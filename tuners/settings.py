@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tuners.models import Array, ComplexArray, FloatOrArray
+from tuners.models import Array, ComplexArray, FloatOrArray, holds_anywhere, is_no_time
 
 FORMS = ("standard", "series", "parallel")
 FILTER_RATIO = 10.0  # td/tf where neither source nor loop names a filter: the common industrial default
@@ -74,12 +74,12 @@ class Settings:
     def __post_init__(self) -> None:
         if self.form not in FORMS:
             raise ValueError(f"form = {self.form!r}: must be one of {', '.join(FORMS)}")
-        if np.any(np.asarray(self.ti) <= 0):
+        if self.ti <= 0.0 if isinstance(self.ti, float) else np.any(np.asarray(self.ti) <= 0):
             raise ValueError("ti: must be above 0 [s], inf for no integral action")
         for name, value in (("td", self.td), ("tf", self.tf)):
-            if np.any((np.asarray(value) < 0) | np.isinf(value)):
+            if holds_anywhere(is_no_time(value)):
                 raise ValueError(f"{name}: must be 0 or more and finite [s]")
-        if np.any(np.isinf(self.kp)):
+        if math.isinf(self.kp) if isinstance(self.kp, float) else np.any(np.isinf(self.kp)):
             raise ValueError("kp: must be finite [OP/PV]")
 
     @property

@@ -182,3 +182,28 @@ class Stop(threading.Event):
     def _look(self) -> None:
         if self._parent is not None and os.getppid() != self._parent:
             self.set()
+
+
+class Hangup:
+    """Whether SIGHUP has come: read your configuration again. In force inside ``with``, in the main thread."""
+
+    def __init__(self) -> None:
+        self._come = False
+        self._before: Any = None
+
+    def __enter__(self) -> Self:
+        if hasattr(signal, "SIGHUP"):  # not on Windows
+            self._before = signal.signal(signal.SIGHUP, self._note)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if hasattr(signal, "SIGHUP"):
+            signal.signal(signal.SIGHUP, self._before)
+
+    def _note(self, *_: int | FrameType | None) -> None:
+        self._come = True
+
+    def take(self) -> bool:
+        """Whether it has come since this was last asked."""
+        come, self._come = self._come, False
+        return come

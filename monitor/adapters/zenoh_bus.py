@@ -49,6 +49,10 @@ class BusError(OSError):
     """A session that could not be opened."""
 
 
+class NobodyThereError(BusError):
+    """Nobody answers at any endpoint to connect to: they may come yet."""
+
+
 def open_session(
     mode: str = "client",
     connect: Sequence[str] = (),
@@ -72,7 +76,7 @@ def open_session(
     Raises
     ------
     BusError
-        One line: the endpoint, or the file, and what was wrong.
+        One line: the endpoint, or the file, and what was wrong; `NobodyThereError` where another try may do.
     """
     config = read_config(file) if file else zenoh.Config()
     settings: dict[str, Any] = {
@@ -93,7 +97,8 @@ def open_session(
         return zenoh.open(config)
     except zenoh.ZError as error:
         where = ", ".join([*connect, *listen])
-        raise BusError(f"{where}: cannot open a Zenoh session: {_why(error)}") from None
+        kind = NobodyThereError if "Unable to connect" in str(error) else BusError
+        raise kind(f"{where}: cannot open a Zenoh session: {_why(error)}") from None
 
 
 def read_config(file: str) -> zenoh.Config:
@@ -185,6 +190,7 @@ class Bus:
         self._session = session
         self._prefix = prefix
         self._declared: list[Any] = []
+        self._subscribed: list[Any] = []
         self.inbox: Inbox[Message] = Inbox()
         self.questions: deque[Question] = deque(maxlen=1000)
         self.publish_failed = 0
@@ -214,9 +220,14 @@ class Bus:
 
         for key in keys:
             try:
-                self._declared.append(self._session.declare_subscriber(key, enqueue))
+                self._subscribed.append(self._session.declare_subscriber(key, enqueue))
             except zenoh.ZError:
                 raise BusError(f"subscribe: {key!r}, expected a key expression, e.g. plant/**") from None
+
+    def hears(self, key: str) -> bool:
+        """Whether a subscription hears a key, or one beneath it."""
+        own = [zenoh.KeyExpr(key), zenoh.KeyExpr(f"{key}/**")]
+        return any(s.key_expr.intersects(one) for s in self._subscribed for one in own)
 
     def answer(self, keys: Sequence[str]) -> None:
         """Accept queries on these key expressions; they wait in ``questions`` for our own thread."""
@@ -273,9 +284,10 @@ class Bus:
 
     def close(self) -> None:
         """Undeclare everything and close the session, whatever state it is in."""
-        for declared in self._declared:
+        for declared in [*self._subscribed, *self._declared]:
             with suppress(zenoh.ZError):
                 declared.undeclare()
+        self._subscribed.clear()
         self._declared.clear()
         with suppress(zenoh.ZError):
             self._session.close()

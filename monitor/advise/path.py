@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from tuners.settings import NotRepresentableError, Settings
 
 from .candidates import Limits
 from .guards import LOADS_ALONE, MISFIT, NEAR_THE_EDGE, SOFT_RATIO, Guards
-from .region import nominal
 from .stages import ORDERS, between, rounded, stages
 
 WAY_SHARES = tuple(k / 20 for k in range(20, 1, -1))
@@ -74,14 +74,15 @@ def way(limits: Limits, guards: Guards, aim: Settings, peaks: tuple[float, float
         end, reasons = replace(aim, td=0.0, tf=0.0), [LOADS_ALONE]
     for order in ORDERS:
         on_the_way = (between(start, end, *order(x)) for x in WAY_SHARES)
-        points = _distinct(start, (p if p == end else without_rolling(p, limits.region) for p in on_the_way))
-        refused = guards.refused(points)
-        for point, why in zip(points, refused, strict=True):
-            found = None if why else _safe(limits, point, aim, peaks)
-            if found is not None:
-                return _to(limits, point, found, aim, next(iter(reasons), ""))
-            reasons.append(why or MS_ON_THE_WAY)
-    damped = without_rolling(start, limits.region)
+        points = _distinct(start, (p if p == end else without_rolling(p, guards.model) for p in on_the_way))
+        # the end alone first: where it may be typed in, the others are not asked for
+        for many in (list(islice(points, count)) for count in (1, None)):
+            for point, why in zip(many, guards.refused(many), strict=True):
+                found = None if why else _safe(limits, point, aim, peaks)
+                if found is not None:
+                    return _to(limits, point, found, aim, next(iter(reasons), ""))
+                reasons.append(why or MS_ON_THE_WAY)
+    damped = without_rolling(start, guards.model)
     for reason, beside, to in (
         ("", _longer_points, damped),
         (MISFIT, _soft_points, aim),
@@ -97,14 +98,14 @@ def way(limits: Limits, guards: Guards, aim: Settings, peaks: tuple[float, float
 def _calmer_points(start: Settings, _: Settings, guards: Guards) -> list[Settings]:
     """Return settings beside the way for a loop near instability: longer integral times, then less gain, too."""
     longer = [replace(start, ti=rounded(float(start.ti) * ratio)) for ratio in RETREAT_RATIOS]
-    points = _distinct(start, [*longer, *(gentler(start, ratio) for ratio in RETREAT_RATIOS)])
+    points = list(_distinct(start, [*longer, *(gentler(start, ratio) for ratio in RETREAT_RATIOS)]))
     return [p for p, why in zip(points, guards.refused(points), strict=True) if not why]
 
 
 def _longer_points(start: Settings, damped: Settings, guards: Guards) -> list[Settings]:
     """Return settings of today's gain and a longer integral time: that of a well ``damped`` swing, then longer ones."""
     longer = (replace(start, ti=rounded(float(start.ti) * ratio)) for ratio in LONGER_RATIOS)
-    points = _distinct(start, [damped, *longer])
+    points = list(_distinct(start, [damped, *longer]))
     return [p for p, why in zip(points, guards.refused(points), strict=True) if not why]
 
 
@@ -136,17 +137,17 @@ def _soft_points(start: Settings, aim: Settings, guards: Guards) -> list[Setting
     ]
     longest = max(gain, *times, 1e-9)
     most = min(math.log(SOFT_RATIO) / longest, 1.0)
-    points = _distinct(start, (between(start, aim, most * x, most * x) for x in SOFT_SHARES))
+    points = list(_distinct(start, (between(start, aim, most * x, most * x) for x in SOFT_SHARES)))
     return [p for p, ok in zip(points, guards.soft(points), strict=True) if ok]
 
 
-def _distinct(start: Settings, points: Iterable[Settings]) -> list[Settings]:
-    """Return the points that are a step away from the start, each once."""
+def _distinct(start: Settings, points: Iterable[Settings]) -> Iterator[Settings]:
+    """Yield the points that are a step away from the start, each once."""
     found: list[Settings] = []
     for point in points:
         if point not in found and is_a_step(start, point):
             found.append(point)
-    return found
+            yield point
 
 
 def is_a_step(one: Settings, other: Settings) -> bool:
@@ -173,16 +174,16 @@ def _retreat(limits: Limits, guards: Guards, aim: Settings) -> tuple[Settings, t
     return None
 
 
-def without_rolling(point: Settings, region: Model) -> Settings:
+def without_rolling(point: Settings, model: Model) -> Settings:
     """Return settings with an integral time long enough for their gain, where an integrating loop would roll with them.
 
     The gain that is safe to type in now may be too little for the integral time of the aim: the damping of the slow
     swing is ``sqrt(Kc K Ti)/2`` (S. Skogestad, J. Process Control 13 (2003) 291-309, eq. 18), 1 from a product of 4.
     """
-    if not isinstance(region, IntegratingModel) or not math.isfinite(float(point.ti)):
+    if not isinstance(model, IntegratingModel) or not math.isfinite(float(point.ti)):
         return point
     try:
-        product = float(np.ravel(method_product(nominal(region), point))[0])
+        product = float(np.ravel(method_product(model, point))[0])
     except NotRepresentableError:
         return point
     if not 0.0 < product < LEAST_METHOD_PRODUCT:

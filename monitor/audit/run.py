@@ -29,10 +29,11 @@ from .about import (
 from .drawing import draw_report
 from .evidence import answers_of, windows_of
 from .inputs import Inputs, find, identity
+from .plan import plan
 from .result import PARTS_FOLDER, AuditResult
 from .settings import AuditSettings
 from .silence import Silence, end_of_most
-from .tasks import Part, Progress, cluster, plan, run_all
+from .tasks import Part, Progress, cluster, run_all
 
 
 def run_audit(

@@ -1,4 +1,4 @@
-"""An audit's work, cut into tasks: groups of loops that know nothing of each other.
+"""An audit's work as tasks: groups of loops that know nothing of each other.
 
 A task reads its loops out of all files, runs an engine of its own over them and returns what it found. Where
 and in which order tasks run (here, in a pool of processes, on a cluster) changes nothing in the result.
@@ -7,8 +7,11 @@ and in which order tasks run (here, in a pool of processes, on a cluster) change
 from __future__ import annotations
 
 import hashlib
+import signal
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
 from multiprocessing import get_context
@@ -18,9 +21,7 @@ from typing import Any
 import msgspec
 
 from monitor.adapters.files import write_bytes
-from monitor.adapters.historian.layout import LONG
 from monitor.adapters.historian.merge import OutOfOrderError, Span, in_order, rows_of, sorted_samples
-from monitor.adapters.historian.reader import scan
 from monitor.adapters.historian.rows import Tally, UnusableError
 from monitor.adapters.historian.source import Source
 from monitor.contract.evidence import Window
@@ -35,8 +36,6 @@ from .evidence import Curves, Keeper, Kept, Trends, curves_of, flagged
 from .first_samples import FirstSamples
 from .spells import Spells
 
-MOST_TASK_ROWS = 50_000_000
-"""Rows of a task: what `--resume` loses at most, a second or two of detection."""
 CLUSTER_WAIT_S = 3.0
 """[s] For a scheduler to answer, and again for it to have a worker: with all imports below ten."""
 
@@ -102,6 +101,7 @@ _counter: Any = None
 def _share(counter: Any) -> None:
     global _counter  # noqa: PLW0603 (a pool hands its workers things in no other way)
     _counter = counter
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which stops its workers
 
 
 def _count(rows: int) -> None:
@@ -141,7 +141,7 @@ def _run(task: Task, samples: Iterator[Samples], done: Callable[[int], None]) ->
         times = [min([*times, int(batch.time.min())]), max([*times, int(batch.time.max())])]
         done(len(batch))
     _keep(engine.flush(), events, keeper)
-    last = {loop.name: engine.last_sample(row) for row, loop in enumerate(task.loops)}
+    last = {loop.name: engine.seen.last(row) for row, loop in enumerate(task.loops)}
     first, newest = times or (None, None)
     units = {
         loop.name: said
@@ -156,7 +156,16 @@ def _run(task: Task, samples: Iterator[Samples], done: Callable[[int], None]) ->
     curves = [c for name in shown for c in curves_of(engine.answers(engine.loops.by_name[name], rows[name]))]
     kept = [*keeper.of(shown), *trends.of(shown)]
     return Part(
-        events, list(rows.values()), kept, curves, spells.found(), last, first, newest, engine.counts(), units
+        events,
+        list(rows.values()),
+        kept,
+        curves,
+        spells.found(),
+        last,
+        first,
+        newest,
+        engine.seen.counts(),
+        units,
     )
 
 
@@ -167,88 +176,6 @@ def _keep(records: Sequence[Record], events: list[Assessment], keeper: Keeper) -
             events.append(record)
         elif isinstance(record, Window):
             keeper.take(record, events[-1].kind)
-
-
-# ---------------------------------------------------------------------------------------------------
-# cutting
-
-
-def plan(loops: Sequence[Loop], sources: Sequence[Source], span: Span, jobs: int) -> list[Task]:
-    """Cut an audit into tasks of about equal weight: at least one for each job.
-
-    Raises
-    ------
-    UnusableError
-        A file turned out to be damaged.
-    """
-    rows = sum(s.size // 40 if s.rows is None else s.rows for s in sources)
-    n = max(1, min(len(loops), max(jobs, -(-rows // MOST_TASK_ROWS))))
-    if n == 1:
-        return [Task(tuple(loops), tuple(sources), span, {})]
-    names = {loop.name for loop in loops}
-    where: dict[str, dict[str, list[int]]] = {}
-    weight = dict.fromkeys(names, 1)
-    for source in sources:
-        for g, found in enumerate(_names_in(source)):
-            for name, times in found.items():
-                if name in names:
-                    where.setdefault(name, {}).setdefault(source.name, []).append(g)
-                    weight[name] += times
-    # loops that lie together in the files stay together: each task reads as little as possible
-    place = {s.name: k for k, s in enumerate(sources)}
-    far = (len(sources), 0)
-    first = {n: min(((place[s], g[0]) for s, g in where.get(n, {}).items()), default=far) for n in names}
-    ordered = sorted(loops, key=lambda loop: (first[loop.name], loop.name))
-    return [_task(part, sources, span, where) for part in _shares(ordered, weight, n)]
-
-
-def _names_in(source: Source) -> list[dict[str, int]]:
-    """Return the loops of each row group with their rows; empty where only a full reading would tell."""
-    if source.layout.kind != LONG:
-        return [dict.fromkeys(source.loops, source.rows or source.size // 40)]
-    return scan(source) if source.format == "parquet" else []
-
-
-def _shares(loops: Sequence[Loop], weight: Mapping[str, int], n: int) -> Iterator[list[Loop]]:
-    """Cut a row of loops into n runs of about equal weight, none empty."""
-    total, so_far, share = sum(weight[loop.name] for loop in loops), 0, 0
-    part: list[Loop] = []
-    for k, loop in enumerate(loops):
-        part.append(loop)
-        so_far += weight[loop.name]
-        left = len(loops) - k - 1
-        if (
-            share < n - 1
-            and left >= n - 1 - share
-            and (so_far * n >= total * (share + 1) or left == n - 1 - share)
-        ):
-            yield part
-            part, share = [], share + 1
-    yield part
-
-
-def _task(
-    loops: Sequence[Loop],
-    sources: Sequence[Source],
-    span: Span,
-    where: Mapping[str, Mapping[str, Sequence[int]]],
-) -> Task:
-    names = {loop.name for loop in loops}
-    groups: dict[str, set[int]] = {}
-    for name in names:
-        for source, found in where.get(name, {}).items():
-            groups.setdefault(source, set()).update(found)
-    used = [s for s in sources if s.name in groups or (s.layout.kind == LONG and s.format != "parquet")]
-    pruned = {s.name: sorted(groups[s.name]) for s in used if s.layout.kind == LONG and s.format == "parquet"}
-    # a task needs to know its own columns only: a wide file of a whole fleet has tens of thousands
-    return Task(tuple(loops), tuple(_narrow(s, names) for s in used), span, pruned)
-
-
-def _narrow(source: Source, names: set[str]) -> Source:
-    if source.layout.kind == LONG:
-        return source
-    columns = {name: roles for name, roles in source.layout.columns.items() if name in names}
-    return replace(source, layout=replace(source.layout, columns=columns, incomplete={}))
 
 
 # ---------------------------------------------------------------------------------------------------
@@ -342,22 +269,41 @@ def _results(
             yield k, run_task(task, done)
 
 
+class _DoneElsewhereError(Exception):
+    """What is being done here has just been done by another process."""
+
+
 def _in_pool(
     tasks: Mapping[int, Task], jobs: int, state: Progress, progress: Callable[[Progress], None]
 ) -> Iterator[tuple[int, Part]]:
+    """Run tasks in other processes, which take them from the first on, and in this one, from the last.
+
+    What is left is done here as well, until either has it: an audit that is over before the processes have started, or
+    that loses one of them, takes no longer than alone.
+    """
     # spawn: a fork after threads were started (Arrow's, numba's) can hang
     context = get_context("spawn")
-    counter = context.Value("q", 0)
-    with ProcessPoolExecutor(min(jobs, len(tasks)), context, _share, (counter,)) as pool:
-        waiting = {pool.submit(run_task, task): k for k, task in tasks.items()}
-        while waiting:
-            try:
-                for future in as_completed(list(waiting), timeout=0.2):
-                    yield waiting.pop(future), future.result()
-            except TimeoutError:
-                state.rows = counter.value
-                progress(state)
-        state.rows = counter.value
+    counter, here = context.Value("q", 0), 0
+    with context.Pool(min(jobs, len(tasks)) - 1, _share, (counter,)) as pool:  # at the end they are stopped
+        away = {k: pool.apply_async(run_task, (task,)) for k, task in tasks.items()}
+
+        def done(rows: int) -> None:
+            nonlocal here
+            here += rows
+            state.rows = min(here + counter.value, state.all_rows)
+            progress(state)
+            if away[mine].ready():
+                raise _DoneElsewhereError
+
+        while away:
+            for k in [k for k, result in away.items() if result.ready()]:
+                yield k, away.pop(k).get()
+            if away:
+                mine = max(away)
+                with suppress(_DoneElsewhereError):
+                    part = run_task(tasks[mine], done)
+                    del away[mine]
+                    yield mine, part
 
 
 def _on_cluster(tasks: Mapping[int, Task], scheduler: str) -> Iterator[tuple[int, Part]]:
@@ -384,9 +330,9 @@ def cluster(scheduler: str) -> Any:
             "--scheduler: dask.distributed is not installed, expected: pip install 'loopsight[cluster]'"
         ) from None
     try:
-        client = dask.Client(scheduler, timeout=CLUSTER_WAIT_S)
+        client = _in_time(lambda: dask.Client(scheduler, timeout=CLUSTER_WAIT_S), 2.0 * CLUSTER_WAIT_S)
     except (OSError, ValueError, MemoryError) as error:  # the last: what answers speaks another language
-        said = " ".join(str(error).split())
+        said = " ".join(str(error).split()) or "nothing comes back"
         raise OSError(f"--scheduler: {scheduler!r}: no Dask scheduler answers there: {said}") from None
     try:
         client.wait_for_workers(1, timeout=CLUSTER_WAIT_S)
@@ -396,3 +342,23 @@ def cluster(scheduler: str) -> Any:
             f"--scheduler: {scheduler!r} has no worker, expected some: dask worker {scheduler}"
         ) from None
     return client
+
+
+def _in_time(work: Callable[[], Any], seconds: float) -> Any:
+    """Return what ``work`` does, if it does it within so long [s]; what goes on then is left alone.
+
+    Raises
+    ------
+    TimeoutError
+        It takes longer, as where a web server takes the question and thinks about it for ever.
+    """
+    done: Future[Any] = Future()
+
+    def run() -> None:
+        try:
+            done.set_result(work())
+        except BaseException as error:  # noqa: BLE001 (it is raised where it is asked for)
+            done.set_exception(error)
+
+    threading.Thread(target=run, name="scheduler", daemon=True).start()
+    return done.result(seconds)

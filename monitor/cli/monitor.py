@@ -45,6 +45,7 @@ def monitor(file: Path | None, save: Path | None, verbose: bool, **overrides: An
     """Watch loops over Zenoh, day and night.
 
     Prints a line that begins with `ready` once it listens. SIGTERM or Ctrl-C: finishes what it holds, exit 0.
+    SIGHUP: reads configuration and loop table again; where they are wrong the old ones hold.
     """
     from monitor.adapters.process import Stop
     from monitor.service.config import load
@@ -53,8 +54,7 @@ def monitor(file: Path | None, save: Path | None, verbose: bool, **overrides: An
 
     with Stop() as stop:
         try:
-            config = load(file, **overrides)
-            begin(config.log, verbose)
-            run_monitor(config, stop, click.echo, save)
+            begin(load(file, **overrides).log, verbose)
+            run_monitor(lambda: load(file, **overrides), stop, click.echo, save)
         except (ValueError, OSError) as error:
             raise Refused(str(error)) from None

@@ -108,6 +108,8 @@ def _lines(answer: Status) -> list[str]:
     ]
     further = {
         "stale": answer.stale,
+        "unheard": answer.never_heard,
+        "shelved": [f"{name} {until}" for name, until in answer.shelved.items()],
         "clocks": _clocks(answer),
         "unknown": answer.unknown,
         "twins": [f"others under this id: {answer.twins}"] if answer.twins else [],

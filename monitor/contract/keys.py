@@ -95,3 +95,8 @@ def monitor_instance(monitor: str, instance: str) -> str:
 def monitor_alive(monitor: str) -> str:
     """Return the liveliness token of a monitor."""
     return f"{PREFIX}/@/{monitor}/alive"
+
+
+def monitor_command(monitor: str) -> str:
+    """Return where a monitor is asked to do something."""
+    return f"{PREFIX}/@/{monitor}/command"

@@ -248,7 +248,7 @@ class Suggestion(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Plan(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a loop's retune leads, and how far it has come: kept, so that a restart goes on with it; not published."""
+    """Where a loop's retune leads, and how far it has come."""
 
     loop: str
     form: str
@@ -261,4 +261,4 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     """Size of the model's error when a small step was taken in spite of it."""
 
 
-Record = Event | Assessment | Suggestion | Window | Plan
+Record = Event | Assessment | Suggestion | Window

@@ -23,6 +23,8 @@ class LoopCounts(msgspec.Struct, frozen=True, kw_only=True):
     open: int
     """With an open event."""
     stale: int
+    never_heard: int = 0
+    """Of which nothing has come since the monitor began."""
 
 
 class Rates(msgspec.Struct, frozen=True):
@@ -69,6 +71,9 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     """Clocks of loops that were set back."""
     clock_ahead: list[str]
     stale: list[str]
+    never_heard: list[str] = []
+    shelved: dict[str, str] = {}
+    """Loops whose flags are put aside: until when, and why."""
     disturbances: int
     unknown: dict[str, int]
     """Keys or names that no loop has, with how often they came."""

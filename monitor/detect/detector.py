@@ -135,6 +135,12 @@ class Detector:
         self.state["window"]["slot"][row] = slot
         self.state["buffer"][row] = np.zeros((), BUFFER)  # blocks are not handed on: they begin anew
 
+    def recall(self, row: int, known: dict[str, Any]) -> None:
+        """Go on with a loop as another detector knew it, as after a gap: an event that was open there is none here."""
+        self.state[row], self.health[row] = known["state"], known["health"]
+        self.state["buffer"][row] = np.zeros((), BUFFER)
+        kernel.begin_anew(self.state[row])
+
     def run(self, samples: Samples) -> Found:
         """Take in samples; return what opened and closed, in the samples' order."""
         found: Found = []

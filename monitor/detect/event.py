@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor.contract.samples import Array
+from monitor.median import median
 
 SETPOINT_STEP, LOAD_STEP, SETPOINT_RAMP = 0, 1, 2
 """Kinds of event; a load step is suspected until a model has explained it; a set point that moved at more than a few
@@ -150,7 +151,4 @@ class ClosedEvent:
     @property
     def thinned(self) -> bool:
         """Whether the window holds every second, fourth ... sample only."""
-        return (
-            len(self.window) > 2
-            and float(np.median(np.diff(self.window.time))) > THINNED_PERIODS * self.period
-        )
+        return len(self.window) > 2 and median(np.diff(self.window.time)) > THINNED_PERIODS * self.period

@@ -12,7 +12,7 @@ from monitor.compiled import jit
 
 from . import act
 from .accept import accepted, follow_rate, keep_last, remember
-from .baseline import await_baseline
+from .baseline import await_baseline, restart_loop
 from .buffer import end_blocks, fill, hand_out_block
 from .constants import (
     ALL_STRETCHES_SAMPLES,
@@ -123,6 +123,13 @@ def hand_out_stretch(s, stores, n, i, after):
         w[k, 0] = (stores.ring_time[i, j] - o.onset) * 1e-9
         w[k, 1], w[k, 2], w[k, 3] = stores.ring[i, j, 0], stores.ring[i, j, 1], stores.ring[i, j, 2]
     return n + 1
+
+
+@jit
+def begin_anew(s):
+    """Begin a loop anew at its last sample: what was known of it is, but none of its samples."""
+    s.window.slot = -1
+    restart_loop(s, s.last.time, s.last.sp, s.last.pv)
 
 
 @jit

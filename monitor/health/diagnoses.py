@@ -56,6 +56,15 @@ class Diagnoses:
         own.add(so_far)
         return own.signs()
 
+    def of(self, row: int) -> Diagnosis | None:
+        """Return what a loop's blocks have shown; None where they have shown nothing."""
+        return self._own.get(row)
+
+    def go_on(self, row: int, diagnosis: Diagnosis | None) -> None:
+        """Go on with what a loop's blocks have shown before; None where they had shown nothing."""
+        if diagnosis is not None:
+            self._own[row] = diagnosis
+
     def forget(self, row: int) -> None:
         """Forget a loop: its row is another's, or it has been re-tuned."""
         self._own.pop(row, None)

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.median import median
+
 from .cycle_gain import CycleGain, cycle_gain
 from .episodes import Episodes, LoopSpan, episodes_of, too_fast
 from .response import NoResponse, no_response_of
@@ -114,6 +116,10 @@ class Diagnosis:
     """Of it, in blocks in which PV does not move, but SP or OP does [s]."""
     evidence: list[ValveEvidence | None] = field(default_factory=lambda: [None, None])
     """Of the valve, by level."""
+    valves: list[tuple[ValveEvidence, tuple[Valve | None, float]] | None] = field(
+        default_factory=lambda: [None, None]
+    )
+    """What that showed when it was last asked, by level."""
     two_valued: float | None = None
     two: float = 0.0
     """Of the judged time, in blocks in which OP has two values [s]."""
@@ -164,6 +170,13 @@ class Diagnosis:
         if seen is not None:
             self.evidence[block.level] = seen if before is None else merged(before, seen)
 
+    def _valve(self, level: int, evidence: ValveEvidence) -> tuple[Valve | None, float]:
+        """Return what the evidence of a level shows; it is worked out once."""
+        known = self.valves[level]
+        if known is None or known[0] is not evidence:
+            known = self.valves[level] = evidence, valve_and_support(evidence)
+        return known[1]
+
     def _listen(self, block: Block) -> None:
         """Keep a stretch in which PV does not answer; a later block in which it does takes it back."""
         silent = no_response_of(block.sp, block.pv, block.op, block.period)
@@ -189,7 +202,7 @@ class Diagnosis:
         own = max(self.episodes, key=lambda e: e.oscillating_share or 0.0)
         said = tracking_verdict(list(self.moves))
         within = max((m.delay + 3.0 * m.lag for m in self.moves if m.verdict == said), default=None)
-        seen = [valve_and_support(e) for e in self.evidence if e is not None]
+        seen = [self._valve(level, e) for level, e in enumerate(self.evidence) if e is not None]
         valves = [valve for valve, _ in seen if valve is not None]
         return Signs(
             valve=max(valves, key=lambda v: v.strength, default=None),
@@ -215,4 +228,4 @@ class Diagnosis:
 def _noise(pv: Array) -> float:
     """Return the standard deviation of PV's noise: of the median size of its second differences (derived)."""
     second = np.abs(np.diff(pv, 2))
-    return float(np.median(second)) / 0.6745 / np.sqrt(6.0) if len(second) else 0.0
+    return median(second) / 0.6745 / np.sqrt(6.0) if len(second) else 0.0

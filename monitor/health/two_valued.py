@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.median import median
+
 LEAST_SAMPLES = 50
 """Without which nothing is said."""
 LEVEL_SHARE = 0.05
@@ -40,7 +42,7 @@ def two_valued(op: NDArray[np.float64]) -> float | None:
     if high - low < LEAST_SWING:
         return None
     upper = x > 0.5 * (low + high)
-    levels = float(np.median(x[~upper])), float(np.median(x[upper]))
+    levels = median(x[~upper]), median(x[upper])
     swing = levels[1] - levels[0]
     if swing < max(LEAST_SWING, LEAST_SWING_SHARE * max(abs(levels[0]), abs(levels[1]))):
         return None

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.median import median
+
 from .valve_fit import AVERAGED_SAMPLES, LEAST_AVERAGES, NOT_FITTED, SHAPES, fit_block, path_of
 from .valve_rests import RESTS, means_of, rests_of
 
@@ -160,7 +162,7 @@ def valve_evidence(
 def _grid(op: NDArray[np.float64]) -> tuple[int, int, float]:
     """Return the first band's exponent, the number of bands (0 where OP does not move enough), and OP's range [OP]."""
     moves = np.diff(op)
-    spread = 1.4826 * float(np.median(np.abs(moves - np.median(moves))))
+    spread = 1.4826 * median(np.abs(moves - median(moves)))
     if not np.ptp(op) > LEAST_SPREAD_SD * spread:
         return 0, 0, 0.0
     ordered = np.sort(op)

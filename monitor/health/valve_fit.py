@@ -11,6 +11,8 @@ w away, then jumps the whole way (A. Stenman, F. Gustafsson, K. Forsman, Int. J.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -348,14 +350,16 @@ def feedback_sign(e: Array, op: Array) -> float:
             break
         x, u = (np.asarray(z[: n * m].reshape(n, m).mean(axis=1)) for z in (e, op))
         law, y = np.stack([np.diff(x), x[1:]]), np.diff(u)
-        products = law @ law.T
-        power = float(y @ y)
-        if power == 0.0 or np.linalg.det(products) <= TINY_SHARE * products[0, 0] * products[1, 1]:
+        (of_moves, both), (_, of_levels) = (law @ law.T).tolist()
+        own_move, own_level = (law @ y).tolist()
+        power, det = float(y @ y), of_moves * of_levels - both * both
+        if power == 0.0 or det <= TINY_SHARE * of_moves * of_levels:
             continue
-        gains = np.linalg.solve(products, law @ y)
-        explained = float(gains @ (law @ y)) / power
+        kp = (of_levels * own_move - both * own_level) / det
+        ki = (of_moves * own_level - both * own_move) / det
+        explained = (kp * own_move + ki * own_level) / power
         if explained > best:
-            best, sign = explained, 1.0 if float(gains @ np.sqrt(np.diag(products))) >= 0.0 else -1.0
+            best, sign = explained, math.copysign(1.0, kp * math.sqrt(of_moves) + ki * math.sqrt(of_levels))
     return sign
 
 

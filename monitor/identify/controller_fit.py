@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor.contract.samples import Array
+from monitor.median import median
 
 from .controller_law import (
     INTEGRAL,
@@ -150,13 +152,13 @@ def walk_share(rows: Rows, law: tuple[float, ...], active: NDArray[np.int64], ga
     return out
 
 
-def jumps(innovations: Array, use: NDArray[np.bool_], floor: float) -> NDArray[np.intp]:
-    """Return the rows at which OP jumped, by what is left of its innovations; none where they are many."""
-    size = np.abs(innovations)
-    told = size[use]
-    sd = 1.4826 * float(np.median(told)) if len(told) else 0.0
-    at = np.flatnonzero(use & (size > max(JUMP_SD * sd, floor)))
-    return at if len(at) <= max(MOST_JUMPS_SHARE * len(told), 2) else at[:0]
+def jumps(size: Array, use: NDArray[np.bool_], floor: float, usual: float) -> NDArray[np.intp]:
+    """Return the rows at which OP jumped, by the size of its innovations; none where they are many.
+
+    ``usual`` is the median of their size.
+    """
+    at = np.flatnonzero(use & (size > max(JUMP_SD * (1.4826 * usual), floor)))
+    return at if len(at) <= max(MOST_JUMPS_SHARE * np.count_nonzero(use), 2) else at[:0]
 
 
 def trimmed(rows: Rows, law: tuple[float, ...], active: NDArray[np.int64], floor: float) -> Rows:
@@ -168,12 +170,17 @@ def trimmed(rows: Rows, law: tuple[float, ...], active: NDArray[np.int64], floor
     every, _, _ = whitened(x, rows.op, rows.use, rows.fresh, 1.0)
     kept = every
     at = np.zeros(0, np.intp)
+    size: Array | None = None
     for part in (0.5, 0.25, 0.1, 0.0, 0.0, 0.0):
-        gains, _ = solved(products(kept), active)
-        rest = every[:, OP] - every[:, :OP] @ gains
-        at = jumps(rest, rows.use, max(floor, part * float(np.max(np.abs(rest)))))
-        kept = every.copy()
-        kept[at] = 0.0
+        if size is None:
+            gains, _ = solved(products(kept), active)
+            size = np.abs(every[:, OP] - every[:, :OP] @ gains)
+            told = size[rows.use]
+            largest, usual = float(np.max(size)), median(told) if len(told) else 0.0
+        found = jumps(size, rows.use, max(floor, part * largest), usual)
+        if not np.array_equal(found, at):  # of the same rows, the law is the same
+            at, size, kept = found, None, every.copy()
+            kept[at] = 0.0
     return rows.restarted(at) if len(at) else rows
 
 
@@ -207,15 +214,16 @@ def estimate(rows: Rows, known: Known, walk: float, place: Place) -> Estimate:
     m = products(white)
     active = known.active
     gains, s = solved(m, active)
-    own = np.diag(m)[active]
+    own = m.diagonal()[active]
     scale = np.where(own > LEAST_PRODUCT, np.sqrt(own), 1.0)  # a column that is nothing says nothing
-    scaled = m[np.ix_(active, active)] / np.outer(scale, scale) + RIDGE_SHARE * np.eye(len(active))
-    inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
+    scales = scale[:, None] * scale
+    scaled = m[active][:, active] / scales + RIDGE_SHARE * np.eye(len(active))
+    inverse = np.linalg.inv(scaled) / scales
     reach = int(min(4 + n ** (1 / 3), n // 4))
     robust = inverse @ scores(white, gains, active, reach) @ inverse
     least = (LEAST_REST_SHARE if rows.stride == 1 else THINNED_SHARE) ** 2 * float(m[OP, OP]) / max(n, 1)
     plain = max(s / max(n - len(active), 1), least) * inverse
-    variance = np.maximum(np.diag(robust), np.diag(plain))
+    variance = np.maximum(robust.diagonal(), plain.diagonal())
     sd = np.zeros(4)
     sd[active] = np.sqrt(np.maximum(variance, 0.0))
     if_noise = _without_noise(rows, known, walk, place, (m, gains, s))
@@ -224,6 +232,12 @@ def estimate(rows: Rows, known: Known, walk: float, place: Place) -> Estimate:
         alone = float(gains[INTEGRAL]) ** 2 / float(inverse[1, 1])  # what the integral alone explains
     ratio = 1.0 + s / alone if alone > 0 else math.inf
     return Estimate(gains, sd[:OP_GAINS], if_noise, Place(place.filter_time, place.late, float(s)), n, ratio)
+
+
+@lru_cache(maxsize=32)
+def _white_noise(n: int) -> Array:
+    """Return the same noise each time."""
+    return np.random.default_rng(0).standard_normal(n)
 
 
 def _without_noise(
@@ -236,14 +250,13 @@ def _without_noise(
     """
     m, gains, s = fit
     active = known.active
-    white = np.random.default_rng(0).standard_normal(len(rows))
-    noise = replace(rows, sp=np.zeros(len(rows)), pv=white)
+    noise = replace(rows, sp=np.zeros(len(rows)), pv=_white_noise(len(rows)))
     own = products(_white(noise, known, walk, place)[0])
     per = float(gains @ own[:OP, :OP] @ gains)
     share = s / per if per > 0 else 0.0
-    left = (m - share * own)[np.ix_(active, active)]
-    scale = np.sqrt(np.maximum(np.diag(m)[active], LEAST_PRODUCT))
-    scaled = left / np.outer(scale, scale) + RIDGE_SHARE * np.eye(len(active))
+    left = (m - share * own)[active][:, active]
+    scale = np.sqrt(np.maximum(m.diagonal()[active], LEAST_PRODUCT))
+    scaled = left / (scale[:, None] * scale) + RIDGE_SHARE * np.eye(len(active))
     out = np.full(4, np.nan)
     if np.isfinite(scaled).all() and np.linalg.eigvalsh(scaled)[0] > 0.0:
         out[:] = 0.0

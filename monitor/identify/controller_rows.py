@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
+from monitor.median import median
 
 LEAST_ROWS = 24
 """Rows below which nothing is said of a controller."""
@@ -31,6 +32,8 @@ LEAST_PACE_ROWS, MOST_UNEVEN_ROWS = 1.2, 1.5
 """Rows between two runs from which a pace is a slow one; rows by which the moves may stray from an even pace."""
 OFF_SCAN_SHARE = 0.02
 """Share of OP's moves that may come beside the controller's own pace."""
+LEAST_GAP_SHARE = 0.1
+"""Share of the gaps between OP's moves that may be shorter than the longest pace that is looked for."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -121,7 +124,7 @@ def lay_out(window: EventWindow, period: float, loop: Loop) -> Rows | None:
     if not period > 0 or len(window) < LEAST_ROWS:
         return None
     steps = np.diff(window.time)
-    wide = np.flatnonzero(steps > 3.0 * np.median(steps))
+    wide = np.flatnonzero(steps > 3.0 * median(steps))
     # the far past of a load step is kept in coarse points
     first = int(wide[-1]) + 1 if len(wide) and wide[-1] < len(window) // 2 else 0
     first = first if first < window.before else 0
@@ -130,7 +133,7 @@ def lay_out(window: EventWindow, period: float, loop: Loop) -> Rows | None:
     )
     if len(time) < LEAST_ROWS:
         return None
-    own = float(np.median(np.diff(time)))
+    own = median(np.diff(time))
     stride = max(round(own / period), 1)
     moves = np.abs(np.diff(op))
     if np.count_nonzero(moves) < LEAST_MOVES or not (_moves(pv) and _moves(op)):
@@ -152,8 +155,10 @@ def scan_rows(op: Array) -> tuple[int, int]:
     """Return how many rows pass from one run of the controller to the next, and the first row at which it ran."""
     at = np.flatnonzero(np.diff(op)) + 1
     gaps = np.diff(at)
+    if np.count_nonzero(gaps == 1) > 1.0 + LEAST_GAP_SHARE * (len(gaps) - 1):
+        return 1, 0  # the quantile is 1
     # a rounded OP rests between its moves, too, but keeps no time
-    for step in range(min(int(np.quantile(gaps, 0.1)), MOST_SCAN_ROWS), 1, -1):
+    for step in range(min(int(np.quantile(gaps, LEAST_GAP_SHARE)), MOST_SCAN_ROWS), 1, -1):
         phases = np.bincount(at % step, minlength=step)
         best = int(np.argmax(phases))
         if len(at) - phases[best] <= OFF_SCAN_SHARE * len(at):

@@ -43,7 +43,7 @@ from .uncertainty import (
     tangent_scatter,
     with_uncertainty,
 )
-from .wander import goes_on, is_likelier, volume, wander_of, wanders, with_wander
+from .wander import goes_on, is_likelier, wander_of, wanders, with_wander
 from .window import BESIDE, EVERY, SINGLE, SearchWindow, op_from_rest, search_window
 
 LEAST_POINTS = 12
@@ -250,7 +250,7 @@ def _explain(look: _Look, rival: Fit | None, *, other_loads: bool) -> _Found | N
         return None
     rss = max(rss, LEAST_NOISE_SHARE * float(w.blocks.pv @ w.blocks.pv))
     n_eff = len(rest) / correlation_time(rest)
-    of_best = -0.5 * n_eff * (math.log(rss / len(rest)) + volume(w.blocks) / len(rest))
+    of_best = -0.5 * n_eff * (math.log(rss / len(rest)) + w.blocks.filter.volume / len(rest))
     if w.kind % 2 == 0:
         found = _one_lag(w, single)
     elif rival is not None and _not_believed(

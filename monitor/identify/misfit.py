@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from monitor.compiled import jit
 from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
+from monitor.median import median
 from tuners.models import INTEGRATING
 
 from .direct import parts_of_pv
 from .fit import Fit
-from .projection import Beside, innovations
+from .projection import Beside, filter_of, innovations
 from .window import op_from_rest
 
 MOST_CELLS = 400
@@ -186,7 +187,7 @@ def _cells(window: EventWindow, fit: Fit) -> _Cells | None:
     # what came beside a set-point step may as well be the model's error
     moved = parts_of_pv(window, fit if fit.size is not None else replace(fit, other=None))
     span = float(t[-1] - t[0])
-    fine = max(float(np.median(np.diff(t))), span / MOST_FINE_POINTS)
+    fine = max(median(np.diff(t)), span / MOST_FINE_POINTS)
     count = int(span / fine * (1.0 + 1e-9)) + 1
     each = -(-count // MOST_CELLS)
     n = count // each
@@ -207,8 +208,9 @@ def _cells(window: EventWindow, fit: Fit) -> _Cells | None:
     walk = fit.wander
     beside = Beside(False) if walk is None else Beside(False, walk.order, walk.ratio * each)
     if walk is not None:
+        by = filter_of(at[::each].copy(), beside)
         for x in (r, *parts):
-            innovations(x, at[::each].copy(), beside)
+            innovations(x, by.walk)
     basis = _orthonormal(np.column_stack(parts))
     r = r - basis @ (basis.T @ r)
     op = np.ascontiguousarray(np.mean(held.reshape(n, each), axis=1))
@@ -230,7 +232,7 @@ def _responses(u, step, omega, damping, beside):
     """
     n = len(u)
     out = np.empty((2 * len(omega), n))
-    at = step * np.arange(n)
+    by = filter_of(step * np.arange(n), beside)
     for k in range(len(omega)):
         w, zeta = omega[k], damping[k]
         root = math.sqrt(1.0 - zeta * zeta)
@@ -245,7 +247,6 @@ def _responses(u, step, omega, damping, beside):
             out[2 * k, i] = a
             out[2 * k + 1, i] = b
             a, b = a_next, b_next
-        if beside.order > 0:
-            innovations(out[2 * k], at, beside)
-            innovations(out[2 * k + 1], at, beside)
+        innovations(out[2 * k], by.walk)
+        innovations(out[2 * k + 1], by.walk)
     return out

@@ -14,7 +14,7 @@ import numpy as np
 from monitor.contract.samples import Array
 
 from .correlation import correlation_time
-from .projection import P_DEAD_TIME, P_LAG, P_ONSET, P_SHARE, P_WIDTH, Columns, evaluate, project
+from .projection import P_DEAD_TIME, P_LAG, P_ONSET, P_SHARE, P_WIDTH, Columns, columns_of, evaluate
 from .response import LAG, RAMP
 from .search import best_of_grid, descend
 from .uncertainty import half_rule
@@ -122,4 +122,4 @@ def _thinned(w: Columns) -> Columns:
     thin = max(len(w.at) // GRID_POINTS, 1)
     at = w.at[::thin].copy()
     measured = w.measured[::thin].copy()
-    return w._replace(at=at, measured=measured, pv=project(measured.copy(), at, w.beside))
+    return columns_of(at, w.since, w.held, measured, w.kind, w.high, w.shape, w.beside)

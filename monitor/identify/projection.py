@@ -13,7 +13,7 @@ import numpy as np
 from monitor.compiled import jit
 from monitor.contract.samples import Array
 
-from .response import START, STEP, load_of_shape, load_response, response_at
+from .response import START, STEP, area_of, lagged, load_of_shape, load_response, respond, shares
 
 P_DEAD_TIME, P_LAG, P_SHARE, P_ONSET, P_WIDTH = range(5)
 """Places of the parameters."""
@@ -38,6 +38,19 @@ class Beside(NamedTuple):
     """Variance that the walk gains in a second, in variances of a point's white noise."""
 
 
+class Filter(NamedTuple):
+    """What `project` does to columns at given times, worked out once for all of them."""
+
+    line: Array
+    """(m,) What a slope is, as the innovations have it; empty without one."""
+    power: float
+    """Its sum of squares."""
+    walk: Array
+    """(m, 4) of each innovation: its standard deviation, gains of level and trend, time to the next; empty without."""
+    volume: float
+    """Sum of the logarithms of the innovations' variances; all of these in variances of the white noise."""
+
+
 class Columns(NamedTuple):
     """A window as the compiled functions see it: every point of it, or means over blocks."""
 
@@ -58,88 +71,143 @@ class Columns(NamedTuple):
     shape: int
     """How a load comes, within the last of the parameters."""
     beside: Beside
+    filter: Filter
+    """Of ``beside`` at the times of PV."""
+    area: Array
+    """(k,) OP's integral up to each time [OP s]."""
+
+
+class Room(NamedTuple):
+    """Room for the responses of one model, which is taken once and filled in many times."""
+
+    z1: Array
+    z2: Array
+    """(k,) What the lags make of OP."""
+    x: Array
+    """(m,) What OP does to PV, gain 1, projected."""
+    g: Array
+    """(m,) What a load of one unit does; empty without one."""
+
+
+LOAD, DEAD_TIME, LAGS = range(3)
+"""What has changed since a room was filled: the load alone, the dead time too, all."""
 
 
 @jit
-def project(x, t, beside):
-    """Take mean (and slope) out of a column, in place: c0 and c1 need no search. As innovations where noise goes on."""
-    x -= x.mean()
-    if beside.order == 0:
-        return _less_slope(x, t - t.mean()) if beside.sloped else x
-    innovations(x, t, beside)
-    if not beside.sloped or beside.order > 1:  # a trend takes the slope up
-        return x
-    line = t - t[0]
-    innovations(line, t, beside)
-    return _less_slope(x, line)
+def columns_of(at, since, held, measured, kind, high, shape, beside):
+    """Make columns, with all that is worked out once for them; as in `Columns`."""
+    by = filter_of(at, beside)
+    pv = project(measured.copy(), by)
+    return Columns(at, since, held, measured, pv, kind, high, shape, beside, by, area_of(since, held))
 
 
 @jit
-def _less_slope(x, line):
-    """Take a line out of a column, in place."""
-    top = bottom = 0.0
-    for i in range(len(x)):
-        top += line[i] * x[i]
-        bottom += line[i] ** 2
-    slope = top / bottom
-    for i in range(len(x)):
-        x[i] -= slope * line[i]
-    return x
+def filter_of(t, beside):
+    """Return what takes mean (and slope) out of columns at these times, and noise that goes on.
 
-
-@jit
-def innovations(x, t, beside):
-    """Turn a column into the innovations of white noise and a walk, in place; return the sum of ln of their variances.
-
-    They have the variance of the white noise. The Kalman filter of a local level or trend (Harvey 1989, ch. 4), nothing
-    known of either at the beginning.
+    White noise and a walk: by the Kalman filter of a local level or trend (Harvey 1989, ch. 4), nothing known of either
+    at the beginning. Its gains are the same whatever is in a column.
     """
     order, ratio = beside.order, beside.ratio
-    level = trend = 0.0
+    walk = np.empty((len(t) if order > 0 else 0, 4))
     p11, p12, p22 = DIFFUSE, 0.0, DIFFUSE if order > 1 else 0.0
     volume = 0.0
-    for i in range(len(x)):
+    for i in range(len(walk)):
         s = p11 + 1.0
         if i >= order:
             volume += np.log(s)
         k1, k2 = p11 / s, p12 / s
-        e = x[i] - level
-        x[i] = e / np.sqrt(s)
-        level += k1 * e
-        trend += k2 * e
+        dt = t[i + 1] - t[i] if i < len(t) - 1 else 0.0
+        walk[i, 0], walk[i, 1], walk[i, 2], walk[i, 3] = np.sqrt(s), k1, k2, dt
         p22 -= k2 * p12
         p12, p11 = p12 / s, k1
-        if i == len(x) - 1:
-            break
-        dt = t[i + 1] - t[i]
         if order == 1:
             p11 += ratio * dt
         else:
-            level += dt * trend
             p11 += dt * (2.0 * p12 + dt * (p22 + ratio * dt / 3.0))
             p12 += dt * (p22 + 0.5 * ratio * dt)
             p22 += ratio * dt
-    return volume
+    sloped = beside.sloped and order < 2  # a trend takes the slope up
+    line = np.zeros(0)
+    if sloped:
+        line = t - (t.mean() if order == 0 else t[0])
+        innovations(line, walk)
+    power = 0.0
+    for i in range(len(line)):
+        power += line[i] ** 2
+    return Filter(line, power, walk, volume)
+
+
+@jit
+def project(x, by):
+    """Take mean (and slope) out of a column, in place: c0 and c1 need no search. As innovations where noise goes on."""
+    x -= x.mean()
+    innovations(x, by.walk)
+    if len(by.line) > 0:
+        top = 0.0
+        for i in range(len(x)):
+            top += by.line[i] * x[i]
+        slope = top / by.power
+        for i in range(len(x)):
+            x[i] -= slope * by.line[i]
+    return x
+
+
+@jit
+def innovations(x, walk):
+    """Turn a column into innovations, in place, which have the variance of the white noise; ``walk`` as in `Filter`."""
+    level = trend = 0.0
+    for i in range(len(walk)):
+        e = x[i] - level
+        x[i] = e / walk[i, 0]
+        trend += walk[i, 2] * e
+        level += walk[i, 1] * e
+        level += walk[i, 3] * trend
+
+
+@jit
+def room_for(w):
+    """Return room for responses in a window."""
+    k, m = len(w.since), len(w.at)
+    return Room(np.empty(k), np.empty(k), np.empty(m), np.empty(m if w.kind >= 2 else 0))
+
+
+@jit
+def fill(w, p, room, changed):
+    """Fill a room with the responses of a model, of which this has ``changed`` (`LOAD`, `DEAD_TIME`, `LAGS`)."""
+    lag2 = p[P_SHARE] * p[P_LAG]
+    kind = w.kind % 2
+    if changed == LAGS:
+        lagged(w.since, w.held, p[P_LAG], shares(kind, p[P_LAG], lag2)[0], room.z1, room.z2)
+    if changed >= DEAD_TIME:
+        held = w.since, w.held, w.area, room.z1, room.z2
+        respond(w.at, held, kind, p[P_DEAD_TIME], p[P_LAG], lag2, room.x)
+        project(room.x, w.filter)
+    if w.kind >= 2:
+        age = w.at - p[P_ONSET]
+        room.g[:] = load_of_shape(age, kind, 1.0, p[P_DEAD_TIME], p[P_LAG], lag2, p[P_WIDTH], w.shape)
+        project(room.g, w.filter)
 
 
 @jit
 def unit_responses(w, p):
     """Return what OP and what a load step of one unit do to PV, gain 1, projected; the latter empty without one."""
-    lag2 = p[P_SHARE] * p[P_LAG]
-    kind = w.kind % 2
-    x = project(response_at(w.at, w.since, w.held, kind, p[P_DEAD_TIME], p[P_LAG], lag2), w.at, w.beside)
-    if w.kind < 2:
-        return x, np.zeros(0)
-    age = w.at - p[P_ONSET]
-    load = load_of_shape(age, kind, 1.0, p[P_DEAD_TIME], p[P_LAG], lag2, p[P_WIDTH], w.shape)
-    return x, project(load, w.at, w.beside)
+    room = room_for(w)
+    fill(w, p, room, LAGS)
+    return room.x, room.g
 
 
 @jit
 def evaluate(w, p, r):
     """Best gain, gain times load size, and residual sum of squares; the residuals go to ``r``."""
-    py = w.pv
-    x, g = unit_responses(w, p)
+    return evaluate_in(room_for(w), w, p, r, LAGS)
+
+
+@jit
+def evaluate_in(room, w, p, r, changed):
+    """Return the same as `evaluate`, in a room that is filled but for what has ``changed``; see `fill`."""
+    fill(w, p, room, changed)
+    py, x, g = w.pv, room.x, room.g
     xx = xg = gg = xy = gy = 0.0
     for i in range(len(x)):
         xx += x[i] * x[i]
@@ -156,11 +224,12 @@ def evaluate(w, p, r):
         gain, load = (gg * xy - xg * gy) / det, (xx * gy - xg * xy) / det
     if not xx > 0.0:
         return 0.0, 0.0, np.inf
-    rss = 0.0
     for i in range(len(x)):
         r[i] = py[i] - gain * x[i]
-        if w.kind >= 2:
-            r[i] -= load * g[i]
+    for i in range(len(g)):
+        r[i] -= load * g[i]
+    rss = 0.0
+    for i in range(len(x)):
         rss += r[i] * r[i]
     return gain, load, rss
 
@@ -237,7 +306,7 @@ def of_pulses(w, gain, p, first, end, area, inverse):
     for k in range(len(first)):
         on = load_response(at - first[k], w.kind % 2, gain, p[P_DEAD_TIME], p[P_LAG], p[P_SHARE] * p[P_LAG])
         off = load_response(at - end[k], w.kind % 2, gain, p[P_DEAD_TIME], p[P_LAG], p[P_SHARE] * p[P_LAG])
-        moved = project((on - off) * (area[k] / (end[k] - first[k])), at, w.beside)
+        moved = project((on - off) * (area[k] / (end[k] - first[k])), w.filter)
         for i in range(len(at)):
             for j in range(len(inverse)):
                 out[j, k] += inverse[j, i] * moved[i]

@@ -17,23 +17,34 @@ LEAST_WIDTH_SHARE = 1e-6
 
 
 @jit
-def _lagged(t, u, tau):
-    """Response of 1/(tau s + 1) to the held input at the points themselves, from rest."""
-    z = np.zeros(len(t))
-    last, decay = -1.0, 0.0
+def lagged(t, u, lag, lag2, z1, z2):
+    """Fill in what two lags make of the held input at the points themselves, from rest; of the second where there is.
+
+    Both in one pass: each step of either waits for the one before it, but not for the other's.
+    """
+    z1[0] = z2[0] = 0.0
+    last, decay, decay2 = -1.0, 0.0, 0.0
     for k in range(len(t) - 1):
         dt = t[k + 1] - t[k]
-        if tau > 0.0:
-            if abs(dt - last) > 1e-9 * dt:  # an exponential costs more than all the rest
-                last, decay = dt, np.exp(-dt / tau)
-        else:
-            decay = 0.0
-        z[k + 1] = u[k] + (z[k] - u[k]) * decay
-    return z
+        if abs(dt - last) > 1e-9 * dt:  # an exponential costs more than all the rest
+            last = dt
+            decay = np.exp(-dt / lag) if lag > 0.0 else 0.0
+            decay2 = np.exp(-dt / lag2) if lag2 > 0.0 else 0.0
+        z1[k + 1] = u[k] + (z1[k] - u[k]) * decay
+        z2[k + 1] = u[k] + (z2[k] - u[k]) * decay2
 
 
 @jit
-def _shares(kind, lag, lag2):
+def area_of(t, u):
+    """Return the held input's integral up to each of the points."""
+    s = np.zeros(len(t))
+    for k in range(len(t) - 1):
+        s[k + 1] = s[k] + u[k] * (t[k + 1] - t[k])
+    return s
+
+
+@jit
+def shares(kind, lag, lag2):
     """Partial fractions of the lags: (second lag, weight of the first's output, weight of the second's)."""
     if lag2 <= 0.0:
         return 0.0, lag if kind == 0 else 1.0, 0.0
@@ -50,19 +61,28 @@ def response_at(at, t, u, kind, dead_time, lag, lag2):
     Exact for any dead time, uneven points, equal lags. Integrating: ``1/(s (lag s + 1)(lag2 s + 1))``, whose
     partial fractions are the input's integral less the weighted outputs of the lags.
     """
+    x, z1, z2 = np.empty(len(at)), np.empty(len(t)), np.empty(len(t))
+    lag2 = shares(kind, lag, lag2)[0]
+    lagged(t, u, lag, lag2, z1, z2)
+    respond(at, (t, u, area_of(t, u), z1, z2), kind, dead_time, lag, lag2, x)
+    return x
+
+
+@jit
+def respond(at, held, kind, dead_time, lag, lag2, x):
+    """Fill in `response_at`; ``held`` are the times from which input is held, the input, its `area_of`, and `lagged`.
+
+    Its second lag is that of `shares`.
+    """
+    t, u, s, z1, z2 = held
     n = len(t)
-    x = np.zeros(len(at))
-    lag2, w1, w2 = _shares(kind, lag, lag2)
-    z1 = _lagged(t, u, lag)
-    z2 = _lagged(t, u, lag2) if lag2 > 0.0 else z1
-    s = np.zeros(n)
-    for k in range(n - 1):
-        s[k + 1] = s[k] + u[k] * (t[k + 1] - t[k])
+    lag2, w1, w2 = shares(kind, lag, lag2)
     j = 0
     last, e1, e2 = -1.0, 1.0, 1.0
     for i in range(len(at)):
         shown = at[i] - dead_time
         if shown <= t[0]:
+            x[i] = 0.0
             continue
         # PV is measured before OP moves: at the instant of a move the old OP still counts
         while j + 1 < n and t[j + 1] < shown:
@@ -76,7 +96,6 @@ def response_at(at, t, u, kind, dead_time, lag, lag2):
         if lag2 > 0.0:
             y -= w2 * (u[j] + (z2[j] - u[j]) * e2)
         x[i] = s[j] + u[j] * h - y if kind == 0 else y
-    return x
 
 
 @jit
@@ -89,7 +108,7 @@ def response(t, u, kind, dead_time, lag, lag2):
 def load_response(age, kind, gain, dead_time, lag, lag2):
     """Response of PV, at these (rising) ages of a load step of one unit of OP at the input; 0 before it shows."""
     y = np.zeros(len(age))
-    lag2, w1, w2 = _shares(kind, lag, lag2)
+    lag2, w1, w2 = shares(kind, lag, lag2)
     last, dt, d1, d2, e1, e2 = 0.0, -1.0, 0.0, 0.0, 0.0, 0.0
     for k in range(len(age)):
         h = age[k] - dead_time
@@ -113,7 +132,7 @@ def load_response(age, kind, gain, dead_time, lag, lag2):
 
 @jit
 def _ramp_integral(h, kind, lag, lag2, w1, w2):
-    """Integral of the unit load response up to this age, dead time taken off; `_shares` are those of the lags."""
+    """Integral of the unit load response up to this age, dead time taken off; `shares` are those of the lags."""
     if h <= 0.0:
         return 0.0
     y = w1 * (h - lag * (1.0 - np.exp(-h / lag))) if lag > 0.0 else w1 * h
@@ -126,7 +145,7 @@ def _ramp_integral(h, kind, lag, lag2, w1, w2):
 def ramp_response(age, kind, gain, dead_time, lag, lag2, width):
     """Response of PV at these ages of a load that rises evenly to one unit of OP within ``width`` [s]."""
     y = np.zeros(len(age))
-    lag2, w1, w2 = _shares(kind, lag, lag2)
+    lag2, w1, w2 = shares(kind, lag, lag2)
     for k in range(len(age)):
         h = age[k] - dead_time
         if h > 0.0:

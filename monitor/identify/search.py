@@ -13,17 +13,21 @@ import numpy as np
 from monitor.compiled import jit
 
 from .projection import (
+    DEAD_TIME,
+    LAGS,
+    LOAD,
     MOST_SHARE,
     P_DEAD_TIME,
     P_LAG,
     P_ONSET,
     P_SHARE,
     P_WIDTH,
-    Columns,
-    evaluate,
-    project,
+    Room,
+    columns_of,
+    evaluate_in,
+    room_for,
 )
-from .response import START, STEP
+from .response import START, STEP, lagged
 
 DEAD_TIME_NODES = 6
 """Dead times, from that of the best single lag down to nothing, from which the best model is looked for."""
@@ -31,6 +35,10 @@ POORLY_EXPLAINED_SHARE = 0.02
 """Share of PV's power that the best single lag may leave before it is looked for once more, on a finer grid."""
 MOST_DESCENT_STEPS = 30
 """Most steps of a descent (Levenberg-Marquardt)."""
+
+
+CHANGED = (DEAD_TIME, LAGS, LAGS, LOAD, LOAD)
+"""What changes with each of the parameters."""
 
 
 @jit
@@ -59,13 +67,17 @@ def _solve(a, b, n):
 
 
 @jit
-def _normal(w, p, r, free, weight, a, b, which):
+def _normal(w, p, r, rooms, free, weight, a, b, which):
     """Fill the normal equations of the parameters that are free and not held by a bound; return their number.
+
+    Of the ``rooms``, the first is filled with the responses at ``p``, and the other one free.
 
     ``weight`` is that of the prior on the second lag's share, in units of the residual sum of squares.
     """
     n, k = len(r), len(free)
     at, high = w.at, w.high
+    here, spare = rooms
+    same_but = (Room(here.z1, here.z2, here.x, spare.g), Room(here.z1, here.z2, spare.x, spare.g), spare)
     jacobian, trial, q = np.empty((k, n)), np.empty(n), p.copy()
     scale = p[P_DEAD_TIME] + p[P_LAG] * (1.0 + p[P_SHARE]) + (at[-1] - at[0]) / n
     m = 0
@@ -75,7 +87,8 @@ def _normal(w, p, r, free, weight, a, b, which):
         if p[f] + h > high[f]:
             h = -h
         q[f] = p[f] + h
-        evaluate(w, q, trial)
+        changed = CHANGED[f]
+        evaluate_in(same_but[changed], w, q, trial, changed)
         q[f] = p[f]
         slope = 0.0
         for i in range(n):
@@ -107,12 +120,13 @@ def descend(w, start, free, weight, steps, close):
     """
     at, high = w.at, w.high
     p, r, trial = start.copy(), np.empty(len(at)), np.empty(len(at))
-    gain, load, rss = evaluate(w, p, r)
+    here, spare = room_for(w), room_for(w)
+    gain, load, rss = evaluate_in(here, w, p, r, LAGS)
     cost = rss + weight * p[P_SHARE] ** 2
     a, b, which = np.zeros((5, 5)), np.zeros(5), np.zeros(5, dtype=np.int64)
     damping = 1e-3
     for _ in range(steps):
-        m = _normal(w, p, r, free, weight, a, b, which)
+        m = _normal(w, p, r, (here, spare), free, weight, a, b, which)
         gained = 0.0
         for _ in range(8 if m > 0 else 0):
             aa, x = a.copy(), b.copy()
@@ -127,12 +141,13 @@ def descend(w, start, free, weight, steps, close):
                 # towards no lag by degrees: from there all slopes towards a lag are 0, and no way leads out
                 low = at[0] if f == P_ONSET else 0.3 * p[f] if f in (P_LAG, P_WIDTH) else 0.0
                 q[f] = min(max(p[f] + x[c], low), high[f])
-            found = evaluate(w, q, trial)
+            found = evaluate_in(spare, w, q, trial, LAGS)
             value = found[2] + weight * q[P_SHARE] ** 2
             if value < cost:
                 gained = cost - value
                 p, cost = q, value
                 r, trial = trial, r
+                here, spare = spare, here
                 gain, load, rss = found
                 damping = max(damping / 20.0, 1e-9)
                 break
@@ -156,10 +171,17 @@ def _coarse(w, step, many):
     onsets, starts = (6, 3) if sought else (1, 0)
     best, least = np.array([0.0, step, 0.0, at[0] if w.shape == START else 0.0, 0.0]), np.inf
     p = best.copy()
+    room = room_for(w)
+    lags, outputs = np.empty(many), np.empty((many, len(w.since)))  # of each lag: the same at every dead time
+    for b in range(many):
+        lag = 0.0 if b == 0 else step * (high[P_DEAD_TIME] / step) ** ((b - 1) / (many - 1))
+        lagged(w.since, w.held, lag, 0.0, outputs[b], room.z2)
+        lags[b] = lag
     for a in range(many):
         p[P_DEAD_TIME] = 0.0 if a == 0 else step * (0.5 * w.since[-1] / step) ** ((a - 1) / (many - 1))
         for b in range(many):
-            p[P_LAG] = 0.0 if b == 0 else step * (high[P_DEAD_TIME] / step) ** ((b - 1) / (many - 1))
+            p[P_LAG] = lags[b]
+            own = Room(outputs[b], room.z2, room.x, room.g)
             for c in range(onsets + starts):
                 if (
                     c >= onsets
@@ -167,7 +189,7 @@ def _coarse(w, step, many):
                     p[P_ONSET] = max(-p[P_DEAD_TIME] - 2.0 * step * (c - onsets), at[0])
                 elif sought:  # far back and, ever more closely, shortly before it was noticed
                     p[P_ONSET] = -2.0 * step * (-at[0] / (2.0 * step)) ** (c / (onsets - 1))
-                rss = evaluate(w, p, r)[2]
+                rss = evaluate_in(own, w, p, r, DEAD_TIME if c == 0 else LOAD)[2]
                 if rss < least:
                     best, least = p.copy(), rss
     return best
@@ -179,12 +201,15 @@ def best_of_grid(w, dead_times, lags, onsets, widths):
     r = np.empty(len(w.at))
     p = np.zeros(5)
     out = np.full((len(onsets), 6), np.inf)
+    room = room_for(w)
     for dead_time in dead_times:
         for lag in lags:
+            changed = LAGS
             for k in range(len(onsets)):
                 for width in widths:
                     p[P_DEAD_TIME], p[P_LAG], p[P_ONSET], p[P_WIDTH] = dead_time, lag, onsets[k], width
-                    rss = evaluate(w, p, r)[2]
+                    rss = evaluate_in(room, w, p, r, changed)[2]
+                    changed = LOAD
                     if rss < out[k, 5]:
                         out[k, :5], out[k, 5] = p, rss
     return out
@@ -223,8 +248,7 @@ def search(w, second):
     thin = max(len(at) // 100, 1)
     few = at[::thin].copy()
     measured = w.measured[::thin].copy()
-    pv = project(measured.copy(), few, w.beside)
-    thinned = Columns(few, w.since, w.held, measured, pv, w.kind, w.high, w.shape, w.beside)
+    thinned = columns_of(few, w.since, w.held, measured, w.kind, w.high, w.shape, w.beside)
     many = 6 if with_onset else 10
     p = _coarse(thinned, (few[-1] - few[0]) / len(few), many)
     p, _, _, least, _ = descend(w, p, single, 0.0, 20, 1e-5)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from monitor.contract.samples import Array
+from monitor.median import median
 
 from .correlation import correlation_time
 from .fit import DIRECT, Z95, Fit
@@ -78,7 +79,7 @@ def with_uncertainty(
     n_eff = len(t) / correlation_time(residual)
     variance = max(rss / max(len(t) - 6, 1), 1e-24 * spread)
     t0 = lag + lag2 + dead_time
-    step = float(np.median(np.diff(t))) if period is None else period
+    step = median(np.diff(t)) if period is None else period
     stamp = STAMP_PERIODS + (UNRESOLVED_PERIODS - STAMP_PERIODS) * max(
         1.0 - dead_time / (RESOLVED_PERIODS * step), 0.0
     )
@@ -113,7 +114,7 @@ def covariance_of_lost_samples(w: SearchWindow, p: Array, gain: float, load: flo
     """
     t, u = w.points.since, w.points.held
     step = np.diff(t)
-    usual = float(np.median(step))
+    usual = median(step)
     # what is longer yet is the coarse past of a load step, in points of mean values
     gaps = np.flatnonzero(
         (step > usual + LOST_PERIODS * (usual if w.period is None else w.period)) & (step < 3.6 * usual)
@@ -121,7 +122,7 @@ def covariance_of_lost_samples(w: SearchWindow, p: Array, gain: float, load: flo
     if len(gaps) == 0:
         return np.zeros((3, 3))
     moves = np.abs(np.diff(u))
-    unknown = np.hypot(moves[gaps] / 2, float(np.median(moves))) * (step[gaps] - usual)  # [OP s]
+    unknown = np.hypot(moves[gaps] / 2, median(moves)) * (step[gaps] - usual)  # [OP s]
     tangents = slopes(w.blocks, p, gain, load)[:, w.of_one_lag]
     inverse = np.ascontiguousarray(np.linalg.pinv(tangents, rcond=1e-6)[:3])
     moved = of_pulses(w.blocks, gain, p, t[gaps] + usual, t[gaps + 1], unknown, inverse)

@@ -17,7 +17,7 @@ from monitor.contract.samples import Array
 from .correlation import correlation_time
 from .fit import Wander
 from .other_loads import ALIKE_POINTS, LEAST_SETPOINT_REST_SHARE, OtherLoad, leaves_more
-from .projection import P_DEAD_TIME, P_LAG, P_SHARE, Beside, Columns, evaluate, innovations
+from .projection import P_DEAD_TIME, P_LAG, P_SHARE, Beside, Columns, evaluate, filter_of, innovations
 from .response import response_at
 from .search import search
 from .window import SearchWindow
@@ -126,9 +126,10 @@ def was_there_before(w: Columns, p: Array) -> bool:
 
 def _of_innovations(x: Array, at: Array, beside: Beside) -> float:
     """Return the logarithm of the likelihood of what is noise, in place."""
-    spread = 0.5 * innovations(x, at, beside)
+    by = filter_of(at, beside)
+    innovations(x, by.walk)
     power = float(np.mean(x[beside.order :] ** 2))
-    return -0.5 * len(x) * math.log(power) - spread if power > 0.0 else -math.inf
+    return -0.5 * len(x) * math.log(power) - 0.5 * by.volume if power > 0.0 else -math.inf
 
 
 def likelihood(w: SearchWindow, p: Array) -> float:
@@ -141,12 +142,7 @@ def _of_blocks(w: Columns, p: Array) -> float:
     rss = evaluate(w, p, rest)[2]
     if not (math.isfinite(rss) and rss > 0.0):
         return -math.inf
-    return -0.5 * len(rest) * math.log(rss / len(rest)) - 0.5 * volume(w)
-
-
-def volume(w: Columns) -> float:
-    """Return the sum of the logarithms of the innovations' variances, in variances of the white noise."""
-    return float(innovations(np.zeros(len(w.at)), w.at, w.beside)) if w.beside.order else 0.0
+    return -0.5 * len(rest) * math.log(rss / len(rest)) - 0.5 * w.filter.volume
 
 
 def wander_of(w: SearchWindow) -> Wander | None:

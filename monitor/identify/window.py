@@ -24,6 +24,8 @@ from .projection import (
     Beside,
     Columns,
     blocks,
+    columns_of,
+    filter_of,
     project,
 )
 from .response import START, STEP
@@ -153,7 +155,8 @@ def search_window(
 def _wandering(w: Columns, order: int, ratio: float) -> Columns:
     """Return columns beside which a level or a trend wanders."""
     beside = w.beside._replace(order=order, ratio=ratio)
-    return w._replace(beside=beside, pv=project(w.measured.copy(), w.at, beside))
+    by = filter_of(w.at, beside)
+    return w._replace(beside=beside, filter=by, pv=project(w.measured.copy(), by))
 
 
 def laid_out(w: Columns, kind: int, shape: int, last_onset: float) -> Columns:
@@ -176,9 +179,8 @@ def columns(
     at, since, held, pv = raw
     # a load that is looked for beside a set-point step comes at any time, and OP need not have balanced another
     sloped = kind == 0 or (kind == 2 and last_onset > 0.0)
-    beside = Beside(sloped)
     high = bounds(since, kind, last_onset)
-    return Columns(at, since, held, pv, project(pv.copy(), at, beside), kind, high, shape, beside)
+    return columns_of(at, since, held, pv, kind, high, shape, Beside(sloped))
 
 
 def _noise(window: EventWindow, load: bool) -> float:

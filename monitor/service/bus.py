@@ -23,6 +23,10 @@ class Question(Protocol):
     def parameters(self) -> Mapping[str, str]:
         """What stands behind its question mark."""
 
+    @property
+    def payload(self) -> bytes:
+        """What comes with it; empty where nothing does, or too much."""
+
     def matches(self, key: str) -> bool:
         """Whether this key is asked for."""
 

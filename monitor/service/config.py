@@ -49,6 +49,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Host and port of /livez, /readyz and /metrics, e.g. 127.0.0.1:9464; empty: none."""
     log: str = "text"
     """Of the lines on stderr: ``text`` for a reader, ``json`` for a machine."""
+    commands: bool = False
+    """Let whoever may query put a loop's flag aside for a time (``loopsight/@/<id>/command``)."""
     tick: float = 0.05
     """Longest wait between two looks at the inbox [s]."""
 

@@ -35,6 +35,7 @@ MESSAGES: dict[str, tuple[int, str]] = {
         "{address} is open to the network: use TLS and access control, see config/zenoh",
     ),
     "http_open": (WARNING, "{address} is open to the network, without a password"),
+    "router_absent": (WARNING, "{why}; tried again every second, not ready meanwhile"),
     "same_id": (
         WARNING,
         "others call themselves {monitor}, too ({count}): give each monitor an id of its own",
@@ -55,9 +56,32 @@ MESSAGES: dict[str, tuple[int, str]] = {
     "all_silent": (WARNING, "no good samples of any loop: not ready"),
     "samples_back": (WARNING, "samples are back"),
     "loops_stale": (WARNING, "stale: {loops}"),
+    "loops_never_heard": (WARNING, "nothing has come of {count} loops of the table: {loops}"),
+    "loops_unmatched": (
+        WARNING,
+        "no subscription hears the keys of {count} loops, frames alone can bring them: {loops}",
+    ),
     "loops_bad": (WARNING, "only bad samples: {loops}"),
     "loops_back": (WARNING, "heard again: {loops}"),
     "loop_given_up": (WARNING, "given up after a long silence: {loop}"),
+    "store_damaged": (ERROR, "store: {why}"),
+    "taken_up": (
+        INFO,
+        "what is known of {count} loops is taken up again; {waiting} events wait to be assessed",
+    ),
+    "memory_version": (
+        WARNING,
+        "of {count} loops the settings hold; what else was known is another version's, and begins anew",
+    ),
+    "memory_damaged": (WARNING, "store: {key}: {why}; it begins anew"),
+    "shelved": (INFO, "{loop}: its flag is put aside until {until}: {why}"),
+    "unshelved": (INFO, "{loop}: its flag is put back"),
+    "reloaded": (
+        INFO,
+        "configuration read again: {added} loops new, {changed} changed, {removed} gone; {loops} now",
+    ),
+    "reload_refused": (ERROR, "configuration not taken over, the old one holds: {why}"),
+    "reload_later": (WARNING, "{names}: changed, in force after a restart"),
     "events_interrupted": (WARNING, "{count} events were open when the last run ended: interrupted"),
     "events_taken_up": (WARNING, "{count} open events are taken up again after {seconds:.0f} s"),
     "snapshot_version": (
@@ -68,7 +92,7 @@ MESSAGES: dict[str, tuple[int, str]] = {
     "snapshot_failing": (DEBUG, "{path}: {why}"),
     "stopped_early": (
         WARNING,
-        "stop: {count} events are kept without an assessment, {messages} messages left",
+        "stop: {count} events are left to be assessed at the next start, {messages} messages are lost",
     ),
 }
 """Level and text of each message by its code; its fields are those of the JSON, too."""

@@ -37,6 +37,8 @@ class Queries:
         A loop's current row.
     status
         The monitor's health, encoded.
+    obey
+        Does what a command asks for, and answers; None: commands are off.
 
     Raises
     ------
@@ -51,8 +53,10 @@ class Queries:
         store: Store,
         row: Callable[[int], LoopRow],
         status: Callable[[], bytes],
+        obey: Callable[[bytes], bytes] | None = None,
     ) -> None:
-        self._own = keys.monitor_status(monitor)
+        self._own, self._command = keys.monitor_status(monitor), keys.monitor_command(monitor)
+        self._obey = obey
         self._engine, self._loops, self._store = engine, engine.loops, store
         self._row, self._status = row, status
         self._under_way: deque[tuple[Question, Iterator[Reply]]] = deque()
@@ -93,6 +97,11 @@ class Queries:
     def _replies(self, question: Question) -> Iterator[Reply]:
         """Make the replies one after the other: loops may come and go in between."""
         chunks = question.key.split("/")
+        if question.key == self._command:
+            if self._obey is None:
+                raise ValueError("commands are off, expected commands = true in the configuration")
+            yield self._command, self._obey(question.payload), JSON_MIME
+            return
         if chunks[-1] == "status":
             yield from self._standing(question)
             return

@@ -63,6 +63,10 @@ LOOP = np.dtype(
 )
 
 
+_TAGS = ("sp", "op", "auto", "sp_at", "op_at", "auto_at")
+"""What holds until another one comes, and may do so for days."""
+
+
 class Reorder:
     """Holds back arrivals of all loops for the length of the window.
 
@@ -127,6 +131,16 @@ class Reorder:
         wide = self.state["wide"][loop]
         self.state[loop] = _new(1)[0]
         self.state["wide"][loop] = wide
+
+    def tags(self, loop: int) -> dict[str, float | int]:
+        """Return the set point, output and mode that hold for a loop, and since when."""
+        return {name: self.state[name][loop].item() for name in _TAGS}
+
+    def hold(self, loop: int, tags: dict[str, float | int], arrival: float) -> None:
+        """Let these hold for a loop, as somebody knew them; nothing has come since ``arrival`` [s, monotonic]."""
+        for name in _TAGS:
+            self.state[name][loop] = tags[name]
+        self.state["arrival"][loop] = arrival
 
     def push(self, entries: NDArray[np.void], arrival: float) -> Samples:
         """Take in entries (dtype `ENTRY`) at wall time ``arrival`` [s]; return the samples that are due."""

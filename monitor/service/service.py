@@ -17,9 +17,9 @@ import numpy as np
 from monitor.adapters.store import Store
 from monitor.contract import keys
 from monitor.contract.danger import TO_RETUNE, danger, worst_first
-from monitor.contract.entries import Message
+from monitor.contract.entries import Entries, Message
 from monitor.contract.loops import MOST_NAME_BYTES, Loop, LoopTable
-from monitor.contract.records import LoopRow, Record
+from monitor.contract.records import LoopRow, Record, event_id
 from monitor.contract.samples import Samples
 from monitor.contract.status import Status
 from monitor.contract.times import iso
@@ -27,15 +27,17 @@ from monitor.engine import Engine
 from monitor.verdict.stale import mark_stale
 from monitor.verdict.together import cycling_together
 from monitor.wire.decode import Decoder
-from monitor.wire.encode import JSON_MIME, decode_event, decode_plan
+from monitor.wire.encode import JSON_MIME, decode_event
 
 from .bus import Bus
 from .config import Config
 from .every import Every
 from .journal import note
+from .memories import Memories
 from .outbox import Outbox
 from .queries import Queries
 from .reorder import Reorder
+from .shelf import Shelf
 from .snapshot import OpenEvents
 from .staleness import Staleness
 from .status import Meter, encode_status, status_of
@@ -45,8 +47,8 @@ TICK_MESSAGES, TICK_BYTES = 50_000, 16 * 2**20
 """Messages, and their bytes, taken from the inbox in one tick: a backlog does not hide all else."""
 ASSESS_S, ANSWER_S = 0.05, 0.05
 """Time in a tick for assessing closed events (in an upset the ingest goes on), and for answering queries [s]."""
-FINISH_S = 6.0
-"""Time for working off and assessing what is held when told to stop; events left over are kept as closed [s]."""
+FINISH_S = 4.0
+"""Time for working off and assessing what is held when told to stop; events left over wait for the next start [s]."""
 RELEASE_EVERY_S = 0.1
 """Between two looks for loops that have gone idle [s]."""
 STALE_EVERY_S = 1.0
@@ -99,12 +101,12 @@ class Service:
         self.config, self.loops, self.bus, self.store = config, loops, bus, store
         self.engine = Engine(loops, MOST_STRETCHES)
         self.reorder = Reorder(len(loops), config.reorder_window)
-        register = self._register if config.auto_register or not config.loops else None
-        self.decoder = Decoder(loops, register)
-        self.outbox = Outbox(loops, bus, store, self.row)
-        self.queries = Queries(config.id, self.engine, store, self.row, lambda: encode_status(self.status()))
+        self.decoder = Decoder(loops, self._who_registers())
+        self.memories = Memories(loops, self.engine, self.reorder, store, now)
+        self.outbox = Outbox(loops, bus, store, self.memories, self.row)
         self.staleness = Staleness(loops)
-        self.trends = Trends(self.engine, bus)
+        self.shelf = Shelf(loops, store, clock)
+        self.trends = Trends(self.engine, bus, self.shelf)
         self.meter = Meter(now)
         self._heard = heard
         self._full = False
@@ -114,8 +116,10 @@ class Service:
         self._tidy = Every(TIDY_EVERY_S, first=now + TIDY_EVERY_S)
         self._snapshot = Every(SNAPSHOT_EVERY_S, first=now + SNAPSHOT_EVERY_S)
         self._open = OpenEvents(open_file)
-        self._left_open = [] if open_file is None else self._take_up()
-        self._go_on_with_plans()
+        self._take_up()
+        obey = self.shelf.obey if config.commands else None
+        self.queries = Queries(config.id, self.engine, store, self.row, self._how, obey)
+        self._left_open = self._take_up_events()
 
     # -- the tick -----------------------------------------------------------------------------------
 
@@ -137,27 +141,33 @@ class Service:
         """Decode, put in order and detect; what nothing newer has followed for the window's length is let go."""
         batches: list[Samples] = []
         records: list[Record] = []
-        if messages:
-            latest = self._clock() + round(self.config.future * 1e9)
-            entries = self.decoder.decode(messages, latest)
-            self.engine.follow()
-            if len(self.loops) > len(self.reorder.state):
-                self.reorder.grow(max(2 * len(self.loops), 64))
-            for row, loop in self.decoder.settings:
-                records += self._retuned(row, loop)
+        rest, more = iter(messages), bool(messages)
+        while more:
+            entries = self.decoder.decode(rest, self._clock() + round(self.config.future * 1e9))
+            records += self._take_in_entries(entries, now, batches)
             for cause, key, why in self.decoder.refused:
                 note(f"refused_{cause}", key=key, why=why)
-            samples, at = self.reorder.push(entries, now), 0
-            for place, row, first in self.reorder.stepped:
-                batches.append(samples.take(slice(at, place)))
-                records += [*self.engine.detect(batches[-1]), *self._set_back(row, first)]
-                at = place
-            batches.append(samples.take(slice(at, None)))
-            records += self.engine.detect(batches[-1])
+            more = self.decoder.settings is not None
+            if self.decoder.settings is not None:
+                records += self._retuned(*self.decoder.settings)
         if self._release.due(now):  # looks at every loop: not at every tick
             batches.append(self.reorder.release(now - max(self.config.reorder_window, 0.1)))
             records += self.engine.detect(batches[-1])
         return [b for b in batches if len(b)], records
+
+    def _take_in_entries(self, entries: Entries, now: float, batches: list[Samples]) -> list[Record]:
+        """Put entries in order and detect; the samples that are due are added to ``batches``."""
+        self.engine.follow()
+        if len(self.loops) > len(self.reorder.state):
+            self.reorder.grow(max(2 * len(self.loops), 64))
+        records: list[Record] = []
+        samples, at = self.reorder.push(entries, now), 0
+        for place, row, first in self.reorder.stepped:
+            batches.append(samples.take(slice(at, place)))
+            records += [*self.engine.detect(batches[-1]), *self._set_back(row, first)]
+            at = place
+        batches.append(samples.take(slice(at, None)))
+        return records + self.engine.detect(batches[-1])
 
     def _assess(self, seconds: float) -> list[Record]:
         """Assess closed events for about this long; the rest waits for the next tick."""
@@ -181,19 +191,21 @@ class Service:
     def _keep_house(self, now: float) -> None:
         """Do what is done every so often."""
         if self._look.due(now):
-            last = self.engine.last_samples()
+            last = self.engine.seen.all_last()
             held = self.reorder.state[: len(last.time)]
+            self.shelf.look()
             if self.staleness.look(last, held["arrival"], held["newest"], now):
                 self._status.hasten(now)
         if self._tidy.due(now):
             for row in self.staleness.overdue(self.reorder.state["arrival"], now):
                 self._retire(row)
+                note("loop_given_up", loop=self.loops[row].name)
             if self.outbox.tidy(self._clock()):
                 self._tidy.postpone(now + TIDY_AGAIN_S)
         if self._snapshot.due(now):
             self._open.keep(self.engine, self.reorder, self._clock())
         if self._status.due(now):
-            self.bus.publish(keys.monitor_status(self.config.id), encode_status(self.status()), JSON_MIME)
+            self.bus.publish(keys.monitor_status(self.config.id), self._how(), JSON_MIME)
             self.meter.published()
 
     def _in_time(self, seconds: float) -> Callable[[], bool]:
@@ -206,9 +218,14 @@ class Service:
     def _retuned(self, row: int, loop: Loop) -> list[Record]:
         """Go over to a loop's new settings, ranges and period."""
         records = self.engine.retuned(row, loop)
-        self.trends.flag(row, False)
-        self.queries.forget(loop.key)
+        self._start_anew(row)
         return records
+
+    def _start_anew(self, row: int) -> None:
+        """Let a loop have no flag and no row of an earlier run, and keep what it is from now on."""
+        self.memories.hasten(row)
+        self.trends.flag(row, False)
+        self.queries.forget(self.loops[row].key)
 
     def _set_back(self, row: int, first: int) -> list[Record]:
         """Begin anew at an earlier time, ``first`` [ns]: what was late since then is a gap."""
@@ -234,16 +251,50 @@ class Service:
         return row
 
     def _retire(self, row: int) -> None:
-        """Give up a loop that registered itself and has been silent for long."""
-        loop = self.loops[row]
+        """Watch a loop no more; an open event of it ends."""
         self._publish(self.engine.retire(row))
+        self.memories.forget(row)
         self.reorder.forget(row)
         self.decoder.forget(row)
         self.loops.remove(row)
         self.staleness.forget(row)
         self.trends.flag(row, False)
-        self.queries.forget(loop.key)
-        note("loop_given_up", loop=loop.name)
+        self.queries.forget(self.loops[row].key)
+
+    def _who_registers(self) -> Callable[[str, str], int | None] | None:
+        """Return what watches loops that are in no table; None where nobody does."""
+        return self._register if self.config.auto_register or not self.config.loops else None
+
+    def reload(self, config: Config, table: LoopTable) -> None:
+        """Go over to another configuration and loop table, between two ticks; loops that stay lose nothing."""
+        self.config = config
+        self.decoder.register = self._who_registers()
+        self.reorder.window = round(config.reorder_window * 1e9)
+        added = changed = removed = 0
+        for row in list(self.loops.by_name.values()):
+            old = self.loops[row]
+            new = table.by_name.get(old.name)
+            if new is None and self.staleness.is_registered(row) and self.decoder.register is not None:
+                continue
+            if new is None or table[new].key != old.key:
+                self._retire(row)
+                removed += 1
+        records: list[Record] = []
+        for loop in table:
+            known = self.loops.by_name.get(loop.name)
+            if known is None:
+                row = self.loops.add(loop)
+                self.engine.follow()
+                self.engine.take_over(row)
+                added += 1
+            elif self.engine.declared(known) != loop:
+                records += self.engine.redeclared(known, loop)
+                self._start_anew(known)
+                self.staleness.forget(known)
+                changed += 1
+        self.reorder.grow(len(self.loops))
+        self._publish(records)
+        note("reloaded", added=added, changed=changed, removed=removed, loops=len(self.loops.by_name))
 
     # -- how things stand ---------------------------------------------------------------------------
 
@@ -251,9 +302,12 @@ class Service:
         """Return the monitor's health, for the bus and for ``loopsight status``."""
         return status_of(self.config.id, self, self._monotonic(), self._clock())
 
+    def _how(self) -> bytes:
+        return encode_status(self.status())
+
     def row(self, number: int) -> LoopRow:
         """Return a loop's row, marked where nothing comes from it any more."""
-        last = self.engine.last_sample(number)
+        last = self.engine.seen.last(number)
         since = iso(last.time) if number in self.staleness.stale else None
         return mark_stale(self.engine.row(number), last, since)
 
@@ -263,23 +317,40 @@ class Service:
 
     # -- begin and end ------------------------------------------------------------------------------
 
-    def _take_up(self) -> list[Record]:
+    def _take_up(self) -> None:
+        """Go on with what the last run knew of the loops."""
+        rows = self.memories.take_up(self._row_of)
+        for row in rows:
+            if self.engine.verdict(row) is not None:
+                self.trends.flag(row, danger(self.row(row)) <= TO_RETUNE)
+        if rows:
+            note("taken_up", count=len(rows), waiting=len(self.engine.waiting))
+        self.outbox.catch_up()
+
+    def _take_up_events(self) -> list[Record]:
         """Go on with the events that were open when the process was killed; return the others, as interrupted."""
+        waiting = {event_id(self.loops[w.event.row].name, w.event.onset) for w in self.engine.waiting}
         going_on = self._open.take_up(
-            self.engine, self.reorder, self._row_of, self.store.is_over, self._clock(), self._monotonic()
+            self.engine,
+            self.reorder,
+            self._row_of,
+            lambda identity: identity in waiting or self.store.is_over(identity),
+            self._clock(),
+            self._monotonic(),
         )
-        left = [e for e in map(decode_event, self.store.open_events()) if e.loop in self.loops.by_name]
-        left = [e for e in left if e.id not in going_on]
+        left: list[Record] = []
+        kept = [(key, decode_event(json)) for key, json in self.store.open_events()]
+        for key, event in kept:
+            if event.id in going_on:
+                continue
+            over = msgspec.structs.replace(event, state="interrupted")
+            if event.loop in self.loops.by_name:
+                left.append(over)
+            elif event.id:
+                self.outbox.let_go(key, over)
         if left:
             note("events_interrupted", count=len(left))
-        return [msgspec.structs.replace(e, state="interrupted") for e in left]
-
-    def _go_on_with_plans(self) -> None:
-        """Go on with the retunes that were under way when the last run ended."""
-        for key, payload in self.store.plans().items():
-            plan, row = decode_plan(payload), self.loops.by_key.get(key)
-            if plan is not None and row is not None:
-                self.engine.go_on(row, plan)
+        return left
 
     def _row_of(self, name: str, key: str) -> int:
         """Return a loop's row, -1 where it is not watched."""
@@ -320,6 +391,8 @@ class Service:
             if not self.engine.backlog or not in_time():
                 break
             records = self._assess(10 * ASSESS_S)
+        self.memories.hasten_all()
+        self.outbox.send(self._monotonic(), at_once=True)
         self._open.keep(self.engine, self.reorder, self._clock())  # now there is none
         if self.engine.backlog or left > 0:
             note("stopped_early", count=self.engine.backlog, messages=max(left, 0))

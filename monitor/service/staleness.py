@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ NEVER_GOOD_SAMPLES = 30
 """Bad ones of a loop without a single good one after which it counts as stale, too."""
 RETIRE_AFTER_S = 30 * 86_400.0
 """Without a good sample, after which a loop that has registered itself is given up: a shutdown is shorter [s]."""
+NEVER_HEARD_S = 600.0
+"""After the start, when the loops of which nothing has come are named: a slow loop has sent by then [s]."""
 NAMED_LOOPS = 20
 """In a line of the log, or a list of the status."""
 
@@ -28,7 +30,13 @@ class Staleness:
         """Loops that are stale, as of the last look."""
         self.silent = False
         """Whether all loops that were heard have fallen silent: not one of them, but the line to them."""
+        self.never_heard: set[int] = set()
+        """Loops of which nothing has come, as of the last look."""
         self._loops = loops
+        self._name_unheard = NEVER_HEARD_S
+        """Time after the first look at which the loops that were never heard are named [s]; inf once they are."""
+        self._began: float | None = None
+        """The first look [s, monotonic]."""
         self._registered: dict[int, float] = {}
 
     def look(
@@ -52,6 +60,7 @@ class Staleness:
         quiet = is_stale(now - arrival, last.period, LIVE) | ((last.bad_run > 0) & behind)
         found = set(np.flatnonzero(heard & (quiet | ~seen)).tolist())
         before, self.stale = self.stale, found
+        self._look_for_unheard(heard, now)
         silent = bool(found) and len(found) == int(heard.sum())
         if silent != self.silent:  # said once, not for each loop
             self.silent = silent
@@ -66,9 +75,22 @@ class Staleness:
                     note(code, count=len(rows), loops=self._named(rows))
         return False
 
+    def _look_for_unheard(self, heard: NDArray[np.bool_], now: float) -> None:
+        """Note of which loops nothing has come; name them once."""
+        self._began = now if self._began is None else self._began
+        self.never_heard = set(np.flatnonzero(~heard).tolist()) - set(self._loops.empty)
+        if now - self._began >= self._name_unheard:
+            self._name_unheard = np.inf
+            if self.never_heard and heard.any():
+                note("loops_never_heard", count=len(self.never_heard), loops=self._named(self.never_heard))
+
     def register(self, row: int, now: float) -> None:
         """Note a loop that is in no table, first heard at ``now`` [s, monotonic]."""
         self._registered[row] = now
+
+    def is_registered(self, row: int) -> bool:
+        """Whether a loop is in no table."""
+        return row in self._registered
 
     @property
     def registered(self) -> int:
@@ -97,7 +119,10 @@ class Staleness:
         self.stale.discard(row)
 
     def _named(self, rows: Iterable[int]) -> str:
-        """Name loops in a line, the first of them."""
-        names = [self._loops[k].name for k in sorted(rows)]
-        more = f" and {len(names) - NAMED_LOOPS} more" if len(names) > NAMED_LOOPS else ""
-        return ", ".join(names[:NAMED_LOOPS]) + more
+        return named([self._loops[k].name for k in sorted(rows)])
+
+
+def named(names: Sequence[str]) -> str:
+    """Name loops in a line, the first of them."""
+    more = f" and {len(names) - NAMED_LOOPS} more" if len(names) > NAMED_LOOPS else ""
+    return ", ".join(names[:NAMED_LOOPS]) + more

@@ -16,6 +16,7 @@ from monitor.wire.encode import to_json
 from .bus import Bus
 from .outbox import Outbox
 from .reorder import Reorder
+from .shelf import Shelf
 from .staleness import NAMED_LOOPS, Staleness
 from .trends import Trends
 
@@ -65,6 +66,7 @@ class Parts(Protocol):
     outbox: Outbox
     staleness: Staleness
     trends: Trends
+    shelf: Shelf
     meter: Meter
     bus: Bus
 
@@ -79,7 +81,7 @@ def status_of(monitor: str, parts: Parts, now: float, time: int) -> Status:
     now, time
         [s, monotonic], [ns since 1970]
     """
-    counts = parts.engine.counts()
+    counts = parts.engine.seen.counts()
     samples_ok = counts.pop("ok")
     for name in ("late", "duplicate", "conflict"):
         counts[name] += getattr(parts.reorder, name)
@@ -108,6 +110,8 @@ def status_of(monitor: str, parts: Parts, now: float, time: int) -> Status:
         clock_steps=parts.reorder.steps,
         clock_ahead=_names(parts, parts.decoder.ahead, NAMED_LOOPS),
         stale=_names(parts, parts.staleness.stale, NAMED_LOOPS),
+        never_heard=_names(parts, parts.staleness.never_heard, NAMED_LOOPS),
+        shelved=parts.shelf.said,
         disturbances=parts.engine.disturbances,
         unknown=dict(parts.decoder.unknown.most_common(UNKNOWN_KEYS)),
         rates=parts.meter.rates(now, parts.bus.inbox.received, samples_ok),
@@ -131,6 +135,7 @@ def _loop_counts(parts: Parts) -> LoopCounts:
         **{v: verdicts.count(v) for v in WORST_FIRST},
         open=len(parts.engine.open_rows()),
         stale=len(parts.staleness.stale),
+        never_heard=len(parts.staleness.never_heard),
     )
 
 

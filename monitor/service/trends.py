@@ -14,6 +14,7 @@ from monitor.wire.encode import FRAME_MIME
 
 from .bus import Bus
 from .every import Every
+from .shelf import Shelf
 
 WATCH_EVERY_S = 0.2
 """Between two looks at all loops, for those worth a trend [s]."""
@@ -30,19 +31,26 @@ class Trends:
     ----------
     engine
         Knows which loops have an open event.
+    shelf
+        Knows whose flags are put aside.
     """
 
-    def __init__(self, engine: Engine, bus: Bus) -> None:
-        self.flagged: set[int] = set()
-        """Loops that somebody has to see to: near instability, with a fault, to be re-tuned."""
+    def __init__(self, engine: Engine, bus: Bus, shelf: Shelf) -> None:
+        self._shelf = shelf
+        self._flagged: set[int] = set()
         self._engine, self._loops, self._bus = engine, engine.loops, bus
         self._held: list[Samples] = []
         self._watched = np.zeros(0, np.bool_)
         self._watch, self._publish = Every(WATCH_EVERY_S), Every(TREND_EVERY_S)
 
+    @property
+    def flagged(self) -> set[int]:
+        """Loops that somebody has to see to, and has not put aside: near instability, with a fault, to be re-tuned."""
+        return self._flagged - self._shelf.rows
+
     def flag(self, row: int, flagged: bool) -> None:
         """Show a loop from now on, or no more."""
-        (self.flagged.add if flagged else self.flagged.discard)(row)
+        (self._flagged.add if flagged else self._flagged.discard)(row)
 
     def take(self, batches: Iterable[Samples], now: float) -> None:
         """Keep new samples of the loops shown, and publish what there is when it is time; ``now`` [s, monotonic]."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from monitor.advise.candidates import rule_mismatch
 from monitor.advise.evidence import Evidence
@@ -31,6 +30,7 @@ from monitor.contract.records import (
 from monitor.detect.event import EventWindow
 from monitor.identify.fit import Fit, combine, same_process
 from monitor.identify.misfit import ModelError
+from monitor.median import median
 from tuners.models import Model
 
 from .in_force import InForce, change_in_words
@@ -55,7 +55,7 @@ _NOT_YET = "the retune is in force, and the events since allow more"
 
 
 @dataclass(frozen=True, slots=True)
-class _Standing:
+class Standing:
     """A suggestion that stands, with the model that it rests on."""
 
     advice: Advice
@@ -80,15 +80,13 @@ class LoopHistory:
     """The loop's, its health included, as of its last event."""
     published: LoopRow | None = None
     """The suggestion that was published last, while it stands."""
-    standing: _Standing | None = None
+    standing: Standing | None = None
     retuned: int = 0
     """When the settings of today came into force [ns]; 0 where they were there from the start."""
     before: Tuning | None = None
     """The tuning as it was when the settings changed."""
     plan: Plan | None = None
     """Where the suggestion leads, or the retune of which a part is in force."""
-    _kept: Plan | None = None
-    """The plan that was handed out last, to be kept."""
 
     @property
     def under_way(self) -> bool:
@@ -161,18 +159,6 @@ class LoopHistory:
             self.tuning, self.standing = _judge(self)
             self.verdict = self.tuning.verdict
 
-    def go_on(self, plan: Plan) -> None:
-        """Go on with a retune that was under way when the process ended."""
-        self.plan = self._kept = plan if plan.stages else None
-        self.retuned = (self.plan and self.plan.since) or 0
-
-    def take_plan(self) -> list[Plan]:
-        """Return the plan, to be kept, where it is another one than when this was last asked."""
-        if self.plan == self._kept:
-            return []
-        self._kept = self.plan
-        return [self.plan or Plan(loop=self.loop.name, form=self.loop.canonical_form)]
-
     @property
     def usable(self) -> list[Finding]:
         """Findings whose fit may carry a suggestion: by itself, or beside others."""
@@ -221,7 +207,7 @@ class LoopHistory:
         return all(fits) and same_process(combine(fits[0]), combine(fits[1]))
 
 
-def _judge(history: LoopHistory) -> tuple[Tuning, _Standing | None]:
+def _judge(history: LoopHistory) -> tuple[Tuning, Standing | None]:
     """Judge a loop: the process by all its events, speed by those under the settings of today.
 
     Beside the tuning: the suggestion that stands from now on. One that the events can neither confirm nor deny stays.
@@ -313,7 +299,7 @@ def _more_to_come(history: LoopHistory, joint: Fit) -> str:
     return f"{_NOT_YET}: {short}" if short else ""
 
 
-def _advise(history: LoopHistory, tuning: Tuning, joint: Fit, short: str) -> tuple[Tuning, _Standing | None]:
+def _advise(history: LoopHistory, tuning: Tuning, joint: Fit, short: str) -> tuple[Tuning, Standing | None]:
     """Add a suggestion; the old one is kept while the model stays inside its intervals, and it safe.
 
     ``short`` says why a loop whose events ask for none is given one.
@@ -321,7 +307,7 @@ def _advise(history: LoopHistory, tuning: Tuning, joint: Fit, short: str) -> tup
     loop, evidence = history.loop, history.evidence(joint)
     if tuning.verdict != RETUNE:  # a step in spite of the model's error is for a loop in need
         evidence = replace(evidence, soft_step=False)
-    noise, period = float(np.median([f.noise for f in history.usable])), history.usable[-1].period
+    noise, period = median([f.noise for f in history.usable]), history.usable[-1].period
     old = history.standing
     if old is not None and _inside(joint, old.fit):
         still = renewed(old.advice, loop, joint, noise, period, evidence)
@@ -331,7 +317,7 @@ def _advise(history: LoopHistory, tuning: Tuning, joint: Fit, short: str) -> tup
     advice = advise(loop, joint, noise, period, tuning.ms, evidence)
     if not isinstance(advice, Withheld):
         history.plan = plan_of(loop, advice, history.plan, evidence)
-        return _with(history, tuning, advice, short), _Standing(advice, joint)
+        return _with(history, tuning, advice, short), Standing(advice, joint)
     if advice.fine_as_it_is:
         history.plan = None
         return replace(tuning, verdict=GOOD, reason=advice.reason, action="none"), None
@@ -380,4 +366,4 @@ def _since_retune(before: Tuning | None, now: Tuning) -> str:
 
 def _median(values: list[float | None]) -> float | None:
     known = [v for v in values if v is not None]
-    return float(np.median(known)) if known else None
+    return median(known) if known else None

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from monitor.advise.prediction import predict, references_of
 from monitor.assess.event import Finding
 from monitor.assess.index import index_on
-from monitor.assess.predicted import Indices
+from monitor.assess.predicted import NO_INDICES, Indices
 from monitor.assess.reference import model_of, settings_of, structure_and_time
 from monitor.assess.tuning import current_sensitivity, indices_to_come
 from monitor.contract.loops import Loop
 from monitor.contract.records import LOAD, SETPOINT
 from monitor.identify.fit import Fit
+from monitor.median import median
 
 SHORT_RATIO = 1.25
 """Times ``ci_min`` below which the model foresees that a retuned loop is still too slow. The dead time that a fit finds
@@ -36,7 +35,7 @@ def indices(loop: Loop, joint: Fit, findings: list[Finding]) -> tuple[float | No
             ci = index_on(loop, joint, (kind, size, finding.error), finding.period)
         if ci is not None:
             found[kind].append(ci)
-    of_setpoint, of_load = (float(np.median(v)) if v else None for v in found.values())
+    of_setpoint, of_load = (median(v) if v else None for v in found.values())
     return of_setpoint, of_load
 
 
@@ -53,7 +52,7 @@ def kindest(loop: Loop, predicted: Indices, ci: Indices, rivals: tuple[Fit, ...]
     rivals
         The models of the other kind that are not excluded.
     """
-    for model in map(model_of, rivals):
+    for model in map(model_of, rivals if predicted != NO_INDICES else ()):
         other = indices_to_come(loop, model, ci, current_sensitivity(loop, model, period), period)
         pairs = zip(predicted, other, strict=True)
         of_setpoint, of_load = (a if a is None or b is None else max(a, b) for a, b in pairs)

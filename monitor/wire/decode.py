@@ -109,8 +109,8 @@ class Decoder:
         messages], and ``missed_frames, repeated_frames``."""
         self.unknown: Counter[str] = Counter()
         """The first keys or names that no loop has, with how often they came."""
-        self.settings: list[tuple[int, Loop]] = []
-        """Settings that arrived since the last call (row, loop with them)."""
+        self.settings: tuple[int, Loop] | None = None
+        """Settings (row, loop with them) with which the last call ended: what came before them acts before."""
         self.ahead: set[int] = set()
         """Loops whose last sample was refused as lying in the future: the clock of their source is ahead."""
         self.refused: list[tuple[str, str, str]] = []
@@ -121,14 +121,16 @@ class Decoder:
         """Bytes of the frames whose names are remembered: Arrow holds on to the whole of them."""
 
     def decode(self, messages: Iterable[Message], latest: int) -> Entries:
-        """Return the entries (dtype `ENTRY`) of the messages, in their order.
+        """Return the entries (dtype `ENTRY`) of the messages, in their order, up to the first settings.
 
         Parameters
         ----------
+        messages
+            Where there may be settings among them, an iterator: what follows is left in it.
         latest
             Samples after this time [ns] are refused as lying in the future.
         """
-        self.settings.clear()
+        self.settings = None
         self.refused.clear()
         parts: list[Entries] = []
         single: list[tuple[Any, ...]] = []
@@ -143,6 +145,8 @@ class Decoder:
                     parts.append(frame)
                 else:
                     self._single(message, single)
+                    if self.settings is not None:
+                        break
             except TooLargeError as error:
                 self._refuse("too_large", message.key, error)
             except (
@@ -247,7 +251,7 @@ class Decoder:
         )
         if loop is None:
             raise ValueError("; ".join(wrong))
-        self.settings.append((row, loop))
+        self.settings = row, loop
 
     def _frame(self, message: Message) -> Entries:
         """Read an Arrow stream of samples; the whole of it or nothing."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from monitor.contract.records import TIMES, Assessment, Event, LoopRow, Plan, Suggestion
+from monitor.contract.records import TIMES, Assessment, Event, LoopRow, Suggestion
 from monitor.contract.times import iso, time_of
 
 RECORD_SCHEMA = 1
@@ -57,19 +57,6 @@ def decode_event(payload: bytes) -> Event:
         return msgspec.convert({**fields, "start": start, "end": None}, Event)
     except (msgspec.MsgspecError, KeyError, ValueError, TypeError):
         return Event(id="", loop="", kind="", state="", start=0, end=None, amplitude=0.0)
-
-
-def encode_plan(plan: Plan) -> bytes:
-    """Return a plan as JSON, as `decode_plan` reads it."""
-    return _encoder.encode(plan)
-
-
-def decode_plan(payload: bytes) -> Plan | None:
-    """Read a plan that `encode_plan` wrote; None where it cannot be read."""
-    try:
-        return msgspec.json.decode(payload, type=Plan)
-    except msgspec.MsgspecError:
-        return None
 
 
 def decode_record(payload: bytes) -> dict[str, Any]:

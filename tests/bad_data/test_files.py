@@ -17,9 +17,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from monitor.audit.plan import plan
 from monitor.audit.run import run_audit
 from monitor.audit.settings import AuditSettings
-from monitor.audit.tasks import plan
 from monitor.contract.records import GOOD
 from tests.bad_data.harness import NAME, SECOND, SETTINGS, Outcome, audit, both, good, same, write
 

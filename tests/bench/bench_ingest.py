@@ -149,7 +149,7 @@ def in_process(name: str, seconds: list[list[Message]], loops: int) -> float:
                 chain.step()
         rates["chain"].append(samples / (time.perf_counter() - began))
         stage = chain.stage
-        assert chain.engine.counts()["ok"] + chain.reorder.waiting == samples
+        assert chain.engine.seen.counts()["ok"] + chain.reorder.waiting == samples
     best = {k: max(v) for k, v in rates.items()}
     ratio = best["chain"] / best["floor"]
     share = {k: f"{v / sum(stage.values()):.0%}" for k, v in stage.items()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -108,9 +109,10 @@ def test_a_cluster_gives_the_same(export: Path, tmp_path: Path) -> None:
 
 
 def test_nobody_to_do_the_work_is_one_line(export: Path, tmp_path: Path) -> None:
-    """Nothing listens, or a scheduler has no worker: said before anything is read."""
-    with local_cluster(0) as idle:
+    """Nothing listens, nobody answers, or a scheduler has no worker: said before anything is read."""
+    with local_cluster(0) as idle, socket.create_server(("127.0.0.1", 0)) as mute:
         for address, said in (
+            (f"tcp://127.0.0.1:{mute.getsockname()[1]}", "nothing comes back"),
             (f"tcp://127.0.0.1:{free_port()}", "no Dask scheduler answers"),
             (idle, "no worker"),
         ):

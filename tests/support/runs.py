@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from monitor.contract.loops import Loop, LoopTable
-from monitor.contract.records import Assessment, Event, LoopRow, Plan, Record, Suggestion, Window
+from monitor.contract.records import Assessment, Event, LoopRow, Record, Suggestion, Window
 from monitor.contract.samples import Samples
 from monitor.engine import Engine
 from sim_plants.loops import Simulation
@@ -23,7 +23,6 @@ class Seen:
     assessments: list[Assessment] = field(default_factory=list)
     suggestions: list[Suggestion] = field(default_factory=list)
     windows: list[Window] = field(default_factory=list)
-    plans: list[Plan] = field(default_factory=list)
 
     @property
     def closed(self) -> list[Event]:
@@ -43,10 +42,8 @@ def sorted_records(records: Iterable[Record]) -> Seen:
             seen.assessments.append(record)
         elif isinstance(record, Suggestion):
             seen.suggestions.append(record)
-        elif isinstance(record, Window):
-            seen.windows.append(record)
         else:
-            seen.plans.append(record)
+            seen.windows.append(record)
     return seen
 
 

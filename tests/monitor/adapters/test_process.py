@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from monitor.adapters.process import LINUX, end
+from monitor.adapters.process import LINUX, Hangup, end
 
 pytestmark = pytest.mark.skipif(not LINUX, reason="stops processes by signal")
 
@@ -126,3 +126,16 @@ time.sleep(600)
     assert process.returncode == -signal.SIGKILL
     assert time.monotonic() - began < 60
     process.communicate()
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="no SIGHUP on this system")
+def test_a_hangup_is_noted_once_until_it_is_taken() -> None:
+    """Twice before it is taken is once; outside of `with` the handler of before holds."""
+    before = signal.getsignal(signal.SIGHUP)
+    with Hangup() as hangup:
+        assert not hangup.take()
+        signal.raise_signal(signal.SIGHUP)
+        signal.raise_signal(signal.SIGHUP)
+        assert hangup.take()
+        assert not hangup.take()
+    assert signal.getsignal(signal.SIGHUP) == before

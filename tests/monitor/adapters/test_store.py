@@ -111,22 +111,76 @@ def test_a_read_only_or_full_file_is_an_error_and_recovers(store):
 
 
 def test_files_that_are_none(tmp_path):
-    """A damaged file, one of another version, a folder that is a file: one line with the path."""
-    folder = tmp_path / "a"
-    folder.mkdir()
-    (folder / "loopsight.sqlite").write_bytes(b"not a database" * 100)
-    with pytest.raises(StoreError, match=r"a.loopsight.sqlite: file is not a database"):
-        Store(folder)
+    """One of a later version, a folder that is a file: one line with the path."""
     Store(tmp_path / "b").close()
     with closing(sqlite3.connect(tmp_path / "b" / "loopsight.sqlite")) as db:
         db.execute(f"PRAGMA user_version={VERSION + 1}")
     with pytest.raises(StoreError) as error:
         Store(tmp_path / "b")
     assert str(error.value).count("loopsight.sqlite") == 1
-    assert "another version" in str(error.value)
+    assert "a later version" in str(error.value)
     (tmp_path / "c").write_text("")
     with pytest.raises(StoreError, match=r"loopsight\.sqlite"):
         Store(tmp_path / "c")
+
+
+@pytest.mark.parametrize("how", ["not a database", "a page is damaged"])
+def test_a_damaged_file_is_set_aside_and_begun_anew(tmp_path, how):
+    """What is left of it stays beside the new one; one line says where."""
+    store = Store(tmp_path)
+    keep(store, 500)
+    store.close()
+    damaged = bytearray(store.path.read_bytes())
+    damaged[:14] = b"not a database" if how == "not a database" else damaged[:14]
+    damaged[8192:20480] = bytes(12288)
+    store.path.write_bytes(damaged)
+    again = Store(tmp_path)
+    assert again.counts()["assessment"] == 0
+    keep(again, 3)
+    assert again.counts()["assessment"] == 3
+    again.close()
+    (aside,) = tmp_path.glob("*.damaged-*")
+    assert aside.read_bytes() == damaged
+    assert aside.name in again.damage
+    third = Store(tmp_path)
+    assert third.damage == ""
+    third.close()
+    assert len(list(tmp_path.glob("*.damaged-*"))) == 1
+
+
+def test_a_file_of_the_first_version_is_brought_up(tmp_path):
+    """Its records stay; all of them count as published; what it knew of retunes is gone."""
+    store = Store(tmp_path)
+    keep(store, 3)
+    store._db.executescript(
+        "DROP TABLE memory; DROP TABLE waiting; DROP TABLE published;"
+        "CREATE TABLE plan (key TEXT PRIMARY KEY, json BLOB NOT NULL); PRAGMA user_version=1;"
+    )
+    store.close()
+    again = Store(tmp_path)
+    assert again.counts()["assessment"] == 3
+    assert again.unpublished() == []
+    assert list(again.memories()) == again.waiting() == []
+    again.close()
+
+
+def test_what_was_not_published_is_said_so(store):
+    """After the mark, events first, each with its loop's key; the mark is part of a transaction."""
+    keep(store, 2)
+    with store.transaction():
+        store.keep_event("e", "plant/L", 5, b"{e}")
+        store.keep_suggestion("plant/L", b"{s}")
+    assert [(u.kind, u.json, u.window) for u in store.unpublished()] == [
+        ("event", b"{e}", None),
+        ("assessment", b"{0}", b"w0"),
+        ("assessment", b"{1}", b"w1"),
+        ("suggestion", b"{s}", None),
+    ]
+    with store.transaction():
+        store.keep_published(store.latest())
+    assert store.unpublished() == []
+    keep(store, 1)
+    assert [u.json for u in store.unpublished()] == [b"{0}"]
 
 
 def test_a_second_monitor_is_kept_out(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,11 @@ import pandas as pd
 import pytest
 
 from monitor.audit import tasks
+from monitor.audit.plan import plan
 from monitor.audit.result import PARTS_FOLDER
 from monitor.audit.run import run_audit
 from monitor.audit.settings import AuditSettings
-from monitor.audit.tasks import Part, Task, plan, run_task
+from monitor.audit.tasks import Part, Task, run_task
 from tests.monitor.audit.tools import about, content
 
 
@@ -26,6 +28,21 @@ def test_jobs_change_nothing(fleet_data: pd.DataFrame, table: Path, tmp_path: Pa
         found.append(content(tmp_path / f"o{jobs}"))
     assert found[0] == found[1]
     assert not (tmp_path / "o2" / PARTS_FOLDER).exists()
+
+
+def leave(_: Any) -> None:
+    """What a process does that is killed as soon as it starts."""
+    os._exit(1)
+
+
+def test_a_worker_that_is_killed_costs_nothing(
+    fleet_data: pd.DataFrame, table: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fleet_data.to_parquet(tmp_path / "d.parquet")
+    run_audit([tmp_path / "d.parquet"], table, tmp_path / "one")
+    monkeypatch.setattr(tasks, "_share", leave)
+    run_audit([tmp_path / "d.parquet"], table, tmp_path / "two", AuditSettings(jobs=2))
+    assert content(tmp_path / "two") == content(tmp_path / "one")
 
 
 @pytest.mark.parametrize("n", [2, 3, 5])

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor.identify.projection import Beside, blocks, innovations, project
+from monitor.identify.projection import Beside, blocks, filter_of, project
 
 
 @settings(max_examples=25)
@@ -49,7 +49,9 @@ def test_innovations_are_generalised_least_squares(n, order, ratio, sloped, seed
     free = np.vander(t - t[0], 2 if order == 2 or sloped else 1, increasing=True)
     inverse = np.linalg.inv(covariance(t, order, ratio))
     weight = inverse - inverse @ free @ np.linalg.inv(free.T @ inverse @ free) @ free.T @ inverse
-    found = np.column_stack([project(c.copy(), t, Beside(sloped, order, ratio)) for c in columns.T])
+    found = np.column_stack(
+        [project(c.copy(), filter_of(t, Beside(sloped, order, ratio))) for c in columns.T]
+    )
     np.testing.assert_allclose(found.T @ found, columns.T @ weight @ columns, rtol=1e-4, atol=1e-5)
 
 
@@ -63,5 +65,5 @@ def test_innovations_variances_are_the_likelihoods(order):
         c = covariance(t, order, ratio)
         return np.linalg.slogdet(c)[1] + np.linalg.slogdet(free.T @ np.linalg.solve(c, free))[1]
 
-    volumes = [innovations(np.zeros(40), t, Beside(False, order, ratio)) for ratio in (0.01, 1.0)]
+    volumes = [filter_of(t, Beside(False, order, ratio)).volume for ratio in (0.01, 1.0)]
     assert volumes[1] - volumes[0] == pytest.approx(whole(1.0) - whole(0.01), abs=1e-3)

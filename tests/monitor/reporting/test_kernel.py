@@ -163,7 +163,7 @@ def test_steps_are_found_and_the_gain_is_right(band, longest, every):
     assert "compressed" not in row.flags
     assert row.quantum == pytest.approx(band, rel=0.5)
     assert "reported by exception" in row.reason
-    assert engine.counts()["ok"] == len(reported(band, longest, every))
+    assert engine.seen.counts()["ok"] == len(reported(band, longest, every))
 
 
 @pytest.mark.parametrize("size", [1, 37])
@@ -184,7 +184,7 @@ def test_between_heartbeats_a_loop_is_not_silent():
     rows = reported(0.25, 600.0, every=True)
     engine = Engine(LoopTable([LOOP]))
     engine.step(rows)
-    last = engine.last_sample(0)
+    last = engine.seen.last(0)
     assert last.time == rows.time[-1]
     assert last.period >= 500.0
     assert last.good == len(rows)
@@ -193,6 +193,6 @@ def test_between_heartbeats_a_loop_is_not_silent():
 def test_rows_that_wait_have_been_heard():
     engine = Engine(LoopTable([LOOP]))
     engine.step(Samples.of(0, times(6, 600.0), 50.0, 50.0 + 0.1 * np.arange(6), 40.0))
-    last = engine.last_sample(0)
+    last = engine.seen.last(0)
     assert last.good == 6
     assert last.time == times(6, 600.0)[-1]

@@ -7,10 +7,8 @@ import logging
 import sqlite3
 from contextlib import closing
 
-from monitor.contract.loops import Loop, LoopTable
-from monitor.contract.records import Plan
 from monitor.service.outbox import WAITING_RECORDS
-from tests.monitor.service.tools import SENT, Bench, a_step, feed, one_loop
+from tests.monitor.service.tools import SENT, a_step, feed, one_loop
 
 
 def test_stored_before_said(bench):
@@ -82,20 +80,3 @@ def test_a_locked_store_neither_stalls_nor_stops(bench):
     b.tick(2.0)
     assert b.status()["ready"]
     assert len(b.bus.kinds("assessment")) == 1
-
-
-def test_a_retune_under_way_goes_on_after_a_restart(tmp_path):
-    """Where it leads is kept with what was said, and taken up by the next process; it is nobody's message."""
-    loop = Loop(name="L", kp=2.0, ti=80.0)
-    stages = ({"kp": 2.0, "ti": 80.0, "td": 0.0, "tf": 0.0}, {"kp": 3.0, "ti": None, "td": 0.0, "tf": 0.0})
-    plan = Plan(loop="L", form="standard", stages=stages, since=SENT)
-    first = Bench(tmp_path, LoopTable([loop]))
-    first.service.outbox.add([plan])
-    first.service.finish()
-    first.store.close()
-    second = Bench(tmp_path, LoopTable([loop]))
-    history = second.service.engine._histories[0]
-    second.store.close()
-    assert history.under_way
-    assert history.plan == plan
-    assert first.bus.kinds("plan") == []

@@ -147,6 +147,45 @@ def test_what_is_said_is_what_is_kept_and_all_under_the_prefix(plant, bench):
 # settings, names, registration
 
 
+def test_another_table_is_taken_over_while_it_runs(bench, caplog):
+    """Loops added, changed, removed: those that stay lose nothing; the row of one that went is another's."""
+    b = bench(one_loop())
+    feed(b, a_step()[:215])
+    (opened,) = b.bus.kinds("event")
+    changed = msgspec.structs.replace(b.loops[1], kp=3.0)
+    with caplog.at_level(logging.INFO, "loopsight"):
+        b.service.reload(b.service.config, LoopTable([b.loops[0], changed]))
+    assert "0 loops new, 1 changed, 0 gone; 2 now" in caplog.text
+    feed(b, a_step()[215:])
+    assert [e["state"] for e in b.bus.kinds("event")] == ["open", "settled"]
+    assert b.loops[1].kp == 3.0
+    feed(b, a_step()[:215])  # late, all of them
+    b.service.reload(b.service.config, LoopTable([changed, Loop(name="N", kp=5.0, op_low=0.0, op_high=9.0)]))
+    assert sorted(b.loops.by_name) == ["M", "N"]
+    row = b.loops.by_name["N"]
+    assert row == 0
+    assert b.service.engine.detector.param["op_high"][row] == 9.0
+    assert b.service.row(row).events == 0
+    feed(b, [(k.replace("/L", "/N"), p) for k, p in a_step()])
+    assert [a.loop for a in b.assessments] == ["L", "N"]
+    assert opened["id"] == b.assessments[0].id
+    status = b.status()
+    assert (
+        status["samples_ok"] == 800 - 2 * status["held"]
+    )  # what was held for the loop that went is gone with it
+
+
+def test_a_key_that_changes_makes_another_loop_of_it(bench):
+    """What was known of the old one is gone with it; an open event ends as interrupted."""
+    b = bench(one_loop())
+    feed(b, a_step()[:215])
+    b.service.reload(
+        b.service.config, LoopTable([Loop(name="L", key="plant/x/L", kp=1.0, ti=10.0), b.loops[1]])
+    )
+    assert [e["state"] for e in b.bus.kinds("event")] == ["open", "interrupted"]
+    assert b.loops.by_key.keys() == {"plant/x/L", "plant/M"}
+
+
 def test_settings_start_anew(bench):
     """A re-tuned loop loses its flag and the row of an earlier run, and is judged by its new settings."""
     b = bench(one_loop())

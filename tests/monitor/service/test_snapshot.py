@@ -91,7 +91,10 @@ def test_killed_and_back_before_a_gap(tmp_path):
         second = Run(tmp_path / str(at))
         second.feed(range(at, N))
         assert second.assessments == whole.assessments
-        assert [e["state"] for e in second.bus.kinds("event")] == ["settled"]
+        states = [e["state"] for e in second.bus.kinds("event")]
+        assert (
+            states == ["open", "settled"][at > 211 :]
+        )  # killed right after it opened: it may not have been said
         second.kill()
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from monitor.contract.loops import Loop, LoopTable
-from monitor.service.staleness import NAMED_LOOPS, RETIRE_AFTER_S, Staleness
+from monitor.service.staleness import NAMED_LOOPS, NEVER_HEARD_S, RETIRE_AFTER_S, Staleness, named
 from monitor.verdict.stale import LastSamples
 from tests.monitor.service.tools import a_step, feed, one_loop
 
@@ -106,3 +106,19 @@ def test_stale_loops_are_counted(bench):
     assert b.status()["loops"]["stale"] == 0
     b.tick(20.0)
     assert b.status()["loops"]["stale"] == 1
+
+
+def test_loops_of_which_nothing_comes_are_named_once(three, caplog):
+    """Ten minutes after the start, where others are heard; `status` has them at any time."""
+    with caplog.at_level(logging.WARNING, "loopsight"):
+        for now in (100.0, 100.0 + NEVER_HEARD_S - 1, 100.0 + NEVER_HEARD_S, 101.0 + NEVER_HEARD_S):
+            look(three, now, [now, 0, 0], newest=[int(now), 0, 0], good=[100, 0, 0], time=int(now) * SECOND)
+            assert three.never_heard == {1, 2}
+    assert [m for m in caplog.messages if "nothing has come" in m] == [
+        "nothing has come of 2 loops of the table: B, C"
+    ]
+
+
+def test_many_are_named_by_the_first():
+    assert named(["A", "B"]) == "A, B"
+    assert named([f"L{k}" for k in range(NAMED_LOOPS + 3)]).endswith(", L19 and 3 more")

@@ -13,7 +13,7 @@ NAMES = """
 schema id time uptime ready not_ready loops flagged messages dropped
 samples_ok uncertain bad_value bad_quality duplicate conflict late
 malformed too_large unknown_loop future bad_time missed_frames repeated_frames
-clock_steps clock_ahead stale disturbances unknown rates queue latency held reorder_overflow backlog
+clock_steps clock_ahead stale never_heard shelved disturbances unknown rates queue latency held reorder_overflow backlog
 waiting_for_store records_lost publish_failed twins
 """.split()
 
@@ -33,6 +33,7 @@ def test_status_is_strict_json(bench):
         "not_assessed",
         "open",
         "stale",
+        "never_heard",
     ]
     assert list(fields["rates"]) == ["messages", "samples"]
     assert not {"NaN", "Infinity", "-Infinity"} & {v for v in fields.values() if isinstance(v, str)}

@@ -8,10 +8,12 @@ import pytest
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.samples import Samples
 from monitor.engine import Engine
+from monitor.service.shelf import Shelf
 from monitor.service.trends import TREND_LOOPS, Trends
 from monitor.wire.arrow import decode_trend
 from tests.monitor.service.tools import a_step, feed, one_loop
 from tests.support.bus import FakeBus
+from tests.support.stores import quick
 
 SECOND = 10**9
 
@@ -22,8 +24,10 @@ def bus():
 
 
 @pytest.fixture
-def trends(bus):
-    return Trends(Engine(LoopTable([Loop(name=f"L{k}") for k in range(TREND_LOOPS + 5)])), bus)
+def trends(bus, tmp_path):
+    loops, store = LoopTable([Loop(name=f"L{k}") for k in range(TREND_LOOPS + 5)]), quick(tmp_path)
+    yield Trends(Engine(loops), bus, Shelf(loops, store, lambda: 0))
+    store.close()
 
 
 def second(k: int, loops: int = 2) -> list[Samples]:

@@ -11,8 +11,8 @@ import msgspec
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import GOOD, INCONCLUSIVE, RETUNE, LoopRow, Plan
 from monitor.engine import Engine
+from monitor.memory import LoopMemory, decode, encode
 from monitor.verdict.plan import at_aim, part_of
-from monitor.wire.encode import decode_plan, encode_plan
 from tests.support.plants import stepped
 from tuners.settings import Settings
 
@@ -39,13 +39,6 @@ def test_a_part_is_known_by_gain_and_integral_time():
     assert not at_aim(PLAN, None)
 
 
-def test_a_plan_survives_its_bytes():
-    """No integral action, too."""
-    plan = msgspec.structs.replace(PLAN, since=5, softened=0.25, stages=({"kp": 1.0, "ti": None},))
-    assert decode_plan(encode_plan(plan)) == plan
-    assert decode_plan(b"{") is None
-
-
 def after(engine: Engine, loop: Loop, part: int) -> LoopRow:
     """Step the set point of a loop that runs under these settings; return its row."""
     samples = stepped(4000, kp=loop.kp or 0.0, ti=loop.ti, noise=0.02, seed=part)
@@ -70,13 +63,16 @@ def test_a_retune_goes_on_part_by_part_over_a_restart():
         stages = json.loads(row.stages or "")
         assert stages[0]["kp"] == row.new_kp
         loop = typed_in(loop, row)
-        plans = [r for r in engine.retuned(0, loop) if isinstance(r, Plan)]
+        engine.retuned(0, loop)
         if len(stages) > 1:
-            (plan,) = plans
-            assert plan.since is not None
             assert engine.row(0).verdict == INCONCLUSIVE
-            engine = Engine(LoopTable([loop]))
-            engine.go_on(0, plan)
+            known = decode(encode(engine.remember(0)))
+            assert isinstance(known, LoopMemory)
+            assert known.history is not None
+            assert known.history.under_way
+            engine, before = Engine(LoopTable([SLOW])), engine
+            engine.recall(0, before.declared(0), before.loops[0], known)
+            assert engine.row(0) == before.row(0)
         rows.append(after(engine, loop, part))
     assert len(rows) > 2
     assert rows[-1].verdict == GOOD
@@ -91,5 +87,8 @@ def test_another_hand_ends_a_plan():
     """Settings that nobody suggested: nothing is under way."""
     engine = Engine(LoopTable([SLOW]))
     after(engine, SLOW, 0)
-    (plan,) = (r for r in engine.retuned(0, msgspec.structs.replace(SLOW, kp=0.2)) if isinstance(r, Plan))
-    assert plan.stages == ()
+    history = engine.remember(0).history
+    assert history is not None
+    assert history.plan is not None
+    engine.retuned(0, msgspec.structs.replace(SLOW, kp=0.2))
+    assert history.plan is None

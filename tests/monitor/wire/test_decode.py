@@ -19,6 +19,7 @@ from monitor.contract.entries import (
     TAG_OP,
     TAG_PV,
     TAG_SP,
+    Message,
 )
 from monitor.contract.loops import Loop, LoopTable, default_key
 from monitor.wire.decode import MOST_FRAME_BATCHES, MOST_FRAME_ROWS, MOST_KEYS, Decoder
@@ -29,6 +30,7 @@ from tests.monitor.wire.tools import (
     accounted,
     columns,
     decode,
+    decode_all,
     dictionary,
     frame,
     refused,
@@ -239,8 +241,9 @@ def test_any_bytes(key, payload):
 def test_any_json(drawn):
     """JSON of any shape: each message is one entry, one cause, or settings."""
     messages = [(key, json.dumps(value).encode()) for key, value in drawn]
-    out, decoder = decode(*messages)
-    assert len(out) + sum(refused(decoder).values()) + len(decoder.settings) == len(messages)
+    decoder = Decoder(table())
+    out, told = decode_all(decoder, *messages)
+    assert len(out) + sum(refused(decoder).values()) + len(told) == len(messages)
 
 
 @given(st.lists(st.sampled_from(range(8)), min_size=1, max_size=30), st.randoms(use_true_random=False))
@@ -295,9 +298,9 @@ def test_names_are_data(name):
         (FRAME, frame(columns(1, loop=pa.array([name])))),
     ]
     messages.append((key, b'{"pv":1}'))
-    out, _ = decode(*messages, decoder=decoder)
+    out, told = decode_all(decoder, *messages)
     assert out["loop"].tolist() == [1] * (len(messages) - 1)
-    assert [(row, loop.name, loop.key, loop.kp) for row, loop in decoder.settings] == [(1, name, key, 2.0)]
+    assert [(row, loop.name, loop.key, loop.kp) for row, loop in told] == [(1, name, key, 2.0)]
     assert not refused(decoder)
 
 
@@ -330,12 +333,11 @@ def test_settings_change_what_they_name():
         [Loop(name="P", form="parallel", kp=2.0, ti=10.0), Loop(name="S", kp=1.0, ti=5.0, td=2.0, ms_max=3.0)]
     )
     decoder = Decoder(loops)
-    decode(
+    _, ((_, first), (_, second)) = decode_all(
+        decoder,
         ("plant/P/settings", b'{"kp":4,"ki":0.5}'),
         ("plant/S/settings", b'{"ti":null,"name":"X","key":"y"}'),
-        decoder=decoder,
     )
-    (_, first), (_, second) = decoder.settings
     assert (first.kp, first.ti) == (4.0, 8.0)
     assert (second.name, second.key, second.kp, second.ti, second.td, second.ms_max) == (
         "S",
@@ -346,7 +348,27 @@ def test_settings_change_what_they_name():
         3.0,
     )
     decode(decoder=decoder)
-    assert decoder.settings == []
+    assert decoder.settings is None
+
+
+def test_what_follows_settings_is_left_to_be_decoded_after_them():
+    """A reader acts on them in between: the second ones rest on the first, and samples on either side know theirs."""
+    loops = table()
+    decoder = Decoder(loops)
+    rest = iter(
+        Message(key, payload, NOW)
+        for key, payload in [
+            ("plant/L0/pv", b"1"), ("plant/L0/settings", b'{"kp":4}'),
+            ("plant/L0/pv", b"2"), ("plant/L0/settings", b'{"ti":9}'), ("plant/L0/pv", b"3"),
+        ]
+    )  # fmt: skip
+    seen = []
+    for _ in range(3):
+        out = decoder.decode(rest, NOW)
+        if decoder.settings is not None:
+            loops.replace(*decoder.settings)
+        seen.append((out["pv"].tolist(), loops[0].kp, loops[0].ti))
+    assert seen == [([1.0], 4.0, math.inf), ([2.0], 4.0, 9.0), ([3.0], 4.0, 9.0)]
 
 
 def test_what_is_remembered_of_streams_is_bounded(monkeypatch):

@@ -26,11 +26,25 @@ def table(n: int = 5) -> LoopTable:
 
 
 def decode(*messages: tuple[str, bytes], decoder: Decoder | None = None, latest: int = NOW + MINUTE) -> Any:
-    """Decode with warnings as errors; returns the entries and the decoder."""
+    """Decode with warnings as errors; returns the entries and the decoder, which acts on no settings."""
     decoder = decoder or Decoder(table())
+    out, _ = decode_all(decoder, *messages, latest=latest)
+    return out, decoder
+
+
+def decode_all(
+    decoder: Decoder, *messages: tuple[str, bytes], latest: int = NOW + MINUTE
+) -> tuple[Any, list[tuple[int, Loop]]]:
+    """Decode piece by piece, as the service does; returns the entries and all settings."""
+    rest = iter([Message(key, payload, NOW) for key, payload in messages])
+    parts, told = [], []
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        return decoder.decode([Message(key, payload, NOW) for key, payload in messages], latest), decoder
+        while True:
+            parts.append(decoder.decode(rest, latest))
+            if decoder.settings is None:
+                return np.concatenate(parts), told
+            told.append(decoder.settings)
 
 
 def columns(n: int = 3, **other: Any) -> dict[str, Any]:

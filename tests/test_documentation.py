@@ -14,8 +14,10 @@ from monitor.adapters.loop_table import read_loop_table
 from monitor.cli.main import COMMANDS, loopsight
 from monitor.contract.figures import MEANINGS
 from monitor.contract.records import WORST_FIRST
+from monitor.contract.status import NOT_READY
 from monitor.detect.event import STATES
 from monitor.service.config import Config, load, problems
+from monitor.service.metrics import COUNTERS
 from monitor.verdict.stale import STALE
 from monitor.verdict.tree import TREE
 from tests.support.places import ROOT
@@ -138,6 +140,15 @@ def test_every_verdict_is_explained(verdict):
 def test_every_end_of_an_event_is_explained(state):
     """So are the words for how an event ended."""
     assert f"`{state}`" in VERDICTS.split("`state` says")[1]
+
+
+# ---- operation
+
+
+def test_every_alarm_and_counter_is_explained():
+    """docs/operation.md has each reason why a monitor is not ready, and each counter, and none that there is not."""
+    alarms = text("docs/operation.md").split("## Alarms")[1].split("## Backup")[0]
+    assert set(rows_of(alarms)) == {*NOT_READY, "starting", "stalled", *COUNTERS}
 
 
 # ---- the layers, drawn and listed

@@ -333,8 +333,8 @@ def _half_wave(transfer: ComplexArray, count: int) -> Array:
 @lru_cache(maxsize=8)  # of powers of two, `FIGURE_POINTS`
 def _turns(count: int) -> tuple[ComplexArray, ComplexArray]:
     """Return half a turn in so many steps, and a square wave's odd harmonics; (count,) each."""
-    turn: ComplexArray = np.exp(1j * math.pi / count * np.arange(count))
-    harmonics: ComplexArray = 1j * math.pi * np.arange(1, 2 * count, 2)
+    turn = np.exp(1j * math.pi / count * np.arange(count)).astype(np.complex128)
+    harmonics = (1j * math.pi * np.arange(1, 2 * count, 2)).astype(np.complex128)
     return turn, harmonics
 
 

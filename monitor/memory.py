@@ -27,7 +27,7 @@ from monitor.health.episodes import Episodes, LoopSpan
 from monitor.health.observe import HEALTH
 from monitor.health.response import NoResponse
 from monitor.health.tracking import Tracked
-from monitor.health.valve import ValveEvidence
+from monitor.health.valve import Valve, ValveEvidence
 from monitor.identify.controller_seen import Controller, Interval
 from monitor.identify.fit import Fit, Load, Valley, Wander
 from monitor.identify.misfit import ModelError
@@ -67,7 +67,7 @@ _KINDS: dict[str, type] = {
         *(LoopMemory, WaitingEvent, Loop, LoopHistory, InForce, Change, Controller, Interval, Settings),
         *(Finding, Assessment, Fit, Valley, Load, Wander, ModelError, Tuning, Suggested, Standing),
         *(Advice, Predicted, Plan, LoopRow, ClosedEvent, EventWindow),
-        *(Diagnosis, Episodes, LoopSpan, ValveEvidence, NoResponse, Tracked, CycleGain),
+        *(Diagnosis, Episodes, LoopSpan, Valve, ValveEvidence, NoResponse, Tracked, CycleGain),
     )
 }
 _DTYPES = {"state": STATE, "health": HEALTH, "reporting": REPORTING, "row": ROW}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any, get_args, get_type_hints
 
 import msgspec
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from monitor import memory
 from monitor.contract.loop_fields import parse_row
 from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment
@@ -128,6 +130,24 @@ def test_torn_and_altered_bytes_are_refused_or_read(plant):
             except ValueError:
                 refused += 1
     assert refused > 300
+
+
+def kinds_within(kind: Any, found: set[type]) -> set[type]:
+    """Add our records of which values of a kind may be made, as their annotations have them."""
+    for part in get_args(kind):
+        kinds_within(part, found)
+    ours = isinstance(kind, type) and kind.__module__.split(".")[0] in {"monitor", "tuners"}
+    if ours and kind not in found:
+        found.add(kind)
+        for hint in get_type_hints(kind).values():
+            kinds_within(hint, found)
+    return found
+
+
+@pytest.mark.parametrize("whole", [LoopMemory, WaitingEvent])
+def test_every_record_within_is_of_a_known_kind(whole):
+    """One that a station adds to what it knows is added here, too: else the first such value would end the monitor."""
+    assert kinds_within(whole, set()) <= set(memory._KINDS.values())
 
 
 def test_what_is_no_fact_is_not_written():

@@ -22,4 +22,8 @@ def test_a_bus_has_all_that_is_asked_for(bus):
 
 @pytest.mark.parametrize("question", [zenoh_bus.Question, fake.Question])
 def test_a_question_can_be_matched_answered_and_refused(question):
-    assert not [n for n in asked_for(Question) - {"key", "parameters", "payload"} if not callable(getattr(question, n))]
+    assert not [
+        n
+        for n in asked_for(Question) - {"key", "parameters", "payload"}
+        if not callable(getattr(question, n))
+    ]

@@ -120,7 +120,7 @@ def test_killed_again_and_again(plant: Any, tmp_path: Path, seed: int) -> None:
     closed = {i for i, e in events.items() if e["kind"] == "setpoint"}
     opened_only = {i for i in closed - set(kept) if events[i]["end"] is None}
     assert closed - set(kept) == opened_only
-    assert len(kept) > 10
+    assert len(kept) > 5
 
 
 def test_settings_flags_and_held_tags_outlive_a_kill(tmp_path: Path) -> None:

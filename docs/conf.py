@@ -48,6 +48,8 @@ napoleon_use_rtype = False
 html_theme = "furo"
 html_title = f"loopsight {release}"
 html_show_copyright = False
+# every object of every module in every page's tree costs minutes
+toc_object_entries = False
 
 
 def _forget_what_is_gone() -> None:

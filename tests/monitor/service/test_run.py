@@ -352,8 +352,7 @@ def test_bad_input_is_counted_and_nothing_stops(plant, start, client):
     assert monitor.said().count(" refused_malformed: ") == 1  # once a minute, whatever the keys
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kills", [3, 20])
+@pytest.mark.parametrize("kills", [pytest.param(3, marks=SLOW), pytest.param(20, marks=pytest.mark.soak)])
 def test_killed_under_load_loses_nothing_that_was_said(plant, endpoint, tmp_path, kills):
     """SIGKILL at any instant: each assessment that a subscriber received is whole in the monitor's file."""
     loops, table, block = plant

@@ -210,7 +210,7 @@ damaged(random.Random({seed}), {count})
 
 
 @pytest.mark.parametrize(
-    ("seed", "count"), [(1, 1500), pytest.param(2, 200_000, marks=pytest.mark.slow)], ids=["short", "long"]
+    ("seed", "count"), [(1, 1500), pytest.param(2, 200_000, marks=pytest.mark.soak)], ids=["short", "long"]
 )
 def test_damaged_frames(seed, count):
     """Bits flipped, lengths forged, streams cut: no exception, and no crash of the process that reads them."""

@@ -191,11 +191,12 @@ class Engine:
         for event in found:
             self._changed.add(event.row)
             closed = event if isinstance(event, ClosedEvent) else None
+            loop = self.loops[event.row].name
+            identity = event_id(loop, event.onset)
             if closed is None or closed.kind != LOAD_STEP:
-                loop = self.loops[event.row].name
                 records.append(
                     Event(
-                        id=event_id(loop, event.onset),
+                        id=identity,
                         loop=loop,
                         kind=SETPOINT,
                         state="open" if closed is None else closed.state,
@@ -205,7 +206,7 @@ class Engine:
                     )
                 )
             if closed is not None:
-                self.waiting.append(WaitingEvent(closed, self.reporting.dead_band(closed.row)))
+                self.waiting.append(WaitingEvent(identity, closed, self.reporting.dead_band(closed.row)))
         return records
 
     def _history(self, row: int) -> LoopHistory:

@@ -27,7 +27,7 @@ from monitor.health.episodes import Episodes, LoopSpan
 from monitor.health.observe import HEALTH
 from monitor.health.response import NoResponse
 from monitor.health.tracking import Tracked
-from monitor.health.valve import Valve, ValveEvidence
+from monitor.health.valve import ValveEvidence
 from monitor.identify.controller_seen import Controller, Interval
 from monitor.identify.fit import Fit, Load, Valley, Wander
 from monitor.identify.misfit import ModelError
@@ -56,6 +56,8 @@ class LoopMemory:
 class WaitingEvent:
     """An event that has closed and is to be assessed, with what was known of its loop's rows then."""
 
+    id: str
+    """The event's, as it is told."""
     event: ClosedEvent
     dead_band: float | None
     """By which PV must change for a row to come, about [PV]; None where rows come at a rate."""
@@ -67,7 +69,7 @@ _KINDS: dict[str, type] = {
         *(LoopMemory, WaitingEvent, Loop, LoopHistory, InForce, Change, Controller, Interval, Settings),
         *(Finding, Assessment, Fit, Valley, Load, Wander, ModelError, Tuning, Suggested, Standing),
         *(Advice, Predicted, Plan, LoopRow, ClosedEvent, EventWindow),
-        *(Diagnosis, Episodes, LoopSpan, Valve, ValveEvidence, NoResponse, Tracked, CycleGain),
+        *(Diagnosis, Episodes, LoopSpan, ValveEvidence, NoResponse, Tracked, CycleGain),
     )
 }
 _DTYPES = {"state": STATE, "health": HEALTH, "reporting": REPORTING, "row": ROW}
@@ -76,9 +78,9 @@ _KIND = ""
 
 
 def _names(kind: type) -> tuple[str, ...]:
-    """Return the fields of a kind, in order."""
+    """Return the fields of a kind, in order; what is worked out from others is none that a value is made of."""
     if is_dataclass(kind):
-        return tuple(f.name for f in fields(kind))
+        return tuple(f.name for f in fields(kind) if f.init)
     return tuple(getattr(kind, "_fields", ()) or getattr(kind, "__struct_fields__", ()))
 
 

@@ -83,9 +83,9 @@ class Memory(NamedTuple):
 
     key: str
     declared: bytes
-    """Its row of the loop table, JSON."""
+    """Its row of the loop table, MessagePack."""
     loop: bytes
-    """The same with what was said since, JSON."""
+    """The same with what was said since, MessagePack."""
     layout: str
     """Of ``known``."""
     known: bytes
@@ -278,12 +278,11 @@ class Store:
     def unpublished(self) -> list[Unpublished]:
         """Return what was kept after what is known to have been published, events first."""
         since = (self._read("SELECT * FROM published") or [(0, 0, 0)])[0]
-        found = [
+        return [
             Unpublished(name, *row)
             for name, question, after in zip(_COUNT, _SINCE, since, strict=True)
             for row in self._read(question, (after,))
         ]
-        return [u._replace(json=bytes(u.json)) for u in found]
 
     def assessments(
         self, key: str, since: int | None = None, until: int | None = None, limit: int = 1000

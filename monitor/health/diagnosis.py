@@ -117,7 +117,7 @@ class Diagnosis:
     evidence: list[ValveEvidence | None] = field(default_factory=lambda: [None, None])
     """Of the valve, by level."""
     valves: list[tuple[ValveEvidence, tuple[Valve | None, float]] | None] = field(
-        default_factory=lambda: [None, None]
+        init=False, default_factory=lambda: [None, None]
     )
     """What that showed when it was last asked, by level."""
     two_valued: float | None = None

@@ -12,7 +12,6 @@ import msgspec
 from monitor import memory
 from monitor.adapters.store import Memory, Store
 from monitor.contract.loops import Loop, LoopTable
-from monitor.contract.records import event_id
 from monitor.engine import Engine
 from monitor.memory import LAYOUT, LoopMemory, WaitingEvent
 
@@ -77,7 +76,7 @@ class Memories:
             self._store.drop_memory(key)
         for row in rows:
             self._store.keep_memory(self._of(row))
-        waiting = {event_id(self._loops[w.event.row].name, w.event.onset): w for w in self._engine.waiting}
+        waiting = {one.id: one for one in self._engine.waiting}
         for identity in waiting.keys() - self._waiting:
             one = waiting[identity]
             self._store.keep_waiting(identity, self._loops[one.event.row].key, LAYOUT, memory.encode(one))

@@ -118,7 +118,7 @@ def opened(
     ValueError
         The loop table is wrong; one line for each problem.
     """
-    loops = read_loop_table(config.loops) if config.loops else LoopTable([])
+    loops = _table(config)
     with ExitStack() as closing:
         store = Store(config.state_folder)
         closing.callback(store.close)
@@ -229,7 +229,7 @@ def read_again(service: Service, read: Callable[[], Config], before: Config) -> 
     """
     try:
         config = read()
-        table = read_loop_table(config.loops) if config.loops else LoopTable([])
+        table = _table(config)
     except (ValueError, OSError) as error:
         note("reload_refused", why="; ".join(str(error).splitlines()))
         return before
@@ -242,6 +242,11 @@ def read_again(service: Service, read: Callable[[], Config], before: Config) -> 
         note("reload_later", names=", ".join(later))
     service.reload(replace(service.config, **{name: getattr(config, name) for name in AT_ONCE}), table)
     return config
+
+
+def _table(config: Config) -> LoopTable:
+    """Read the loop table; without one, none is known."""
+    return read_loop_table(config.loops) if config.loops else LoopTable([])
 
 
 def _listen(config: Config) -> list[str]:

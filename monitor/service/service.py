@@ -19,7 +19,7 @@ from monitor.contract import keys
 from monitor.contract.danger import TO_RETUNE, danger, worst_first
 from monitor.contract.entries import Entries, Message
 from monitor.contract.loops import MOST_NAME_BYTES, Loop, LoopTable
-from monitor.contract.records import LoopRow, Record, event_id
+from monitor.contract.records import LoopRow, Record
 from monitor.contract.samples import Samples
 from monitor.contract.status import Status
 from monitor.contract.times import iso
@@ -322,14 +322,14 @@ class Service:
         rows = self.memories.take_up(self._row_of)
         for row in rows:
             if self.engine.verdict(row) is not None:
-                self.trends.flag(row, danger(self.row(row)) <= TO_RETUNE)
+                self.trends.flag(row, danger(self.engine.row(row)) <= TO_RETUNE)
         if rows:
             note("taken_up", count=len(rows), waiting=len(self.engine.waiting))
         self.outbox.catch_up()
 
     def _take_up_events(self) -> list[Record]:
         """Go on with the events that were open when the process was killed; return the others, as interrupted."""
-        waiting = {event_id(self.loops[w.event.row].name, w.event.onset) for w in self.engine.waiting}
+        waiting = {one.id for one in self.engine.waiting}
         going_on = self._open.take_up(
             self.engine,
             self.reorder,

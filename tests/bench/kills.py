@@ -11,13 +11,11 @@ import argparse
 import json
 import random
 import signal
-import sqlite3
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +25,7 @@ from sim_plants.loops import Simulation
 from sim_plants.publish import Publisher
 from sim_plants.scenarios import SCENARIOS
 from sim_plants.truth import loop_table
+from tests.support.stores import stored
 from tests.support.waiting import free_port
 
 TOLD = ("verdict", "kp", "ti", "new_kp", "new_ti", "process", "flags")
@@ -76,13 +75,6 @@ def start(endpoint: str, folder: Path) -> subprocess.Popen[str]:
     assert process.stdout is not None
     process.stdout.readline()
     return process
-
-
-def stored(folder: Path, table: str) -> dict[str, Any]:
-    """Return a table of the store, by id."""
-    with closing(sqlite3.connect(f"file:{folder}/state/loopsight.sqlite?mode=ro", uri=True)) as db:
-        rows = db.execute(f"SELECT id, json FROM {table}").fetchall()  # noqa: S608 (a name of ours)
-    return {identity: json.loads(row) for identity, row in rows}
 
 
 def changed(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
@@ -138,7 +130,7 @@ def main() -> None:
         plant.join()
         process.terminate()
         code = process.wait()
-        kept, events = stored(folder, "assessment"), stored(folder, "event")
+        kept, events = stored(folder / "state"), stored(folder / "state", "event")
         said = {
             identity: {json.dumps(json.loads(p), sort_keys=True) for p in all_}
             for identity, all_ in heard.items()

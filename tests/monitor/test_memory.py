@@ -139,8 +139,9 @@ def kinds_within(kind: Any, found: set[type]) -> set[type]:
     ours = isinstance(kind, type) and kind.__module__.split(".")[0] in {"monitor", "tuners"}
     if ours and kind not in found:
         found.add(kind)
-        for hint in get_type_hints(kind).values():
-            kinds_within(hint, found)
+        hints = get_type_hints(kind)
+        for name in memory._names(kind):
+            kinds_within(hints[name], found)
     return found
 
 

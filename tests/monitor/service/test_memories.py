@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import logging
-import sqlite3
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +18,8 @@ from monitor.service import memories
 from sim_plants.loops import Simulation
 from sim_plants.scenarios import SCENARIOS
 from sim_plants.truth import loop_table
-from tests.monitor.service.test_run import messages_of
-from tests.monitor.service.tools import SENT, Bench, a_step, feed, one_loop
+from tests.monitor.service.tools import SENT, Bench, a_step, feed, messages_of, one_loop
+from tests.support.stores import stored
 
 TOLD = ("verdict", "kp", "ti", "new_kp", "new_ti", "events", "flags", "process", "gain")
 
@@ -41,12 +40,6 @@ def told(b: Bench) -> dict[str, list[Any]]:
     """What is said of each loop; of one whose samples have not come again yet, too."""
     rows = {loop.name: b.service.engine.row(k) for k, loop in enumerate(b.loops)}
     return {name: [getattr(row, n) for n in TOLD] for name, row in rows.items()}
-
-
-def stored(folder: Path, table: str) -> dict[str, Any]:
-    with closing(sqlite3.connect(f"file:{folder}/loopsight.sqlite?mode=ro", uri=True)) as db:
-        rows = db.execute(f"SELECT id, json FROM {table}").fetchall()  # noqa: S608 (a name of ours)
-    return {i: json.loads(j) for i, j in rows}
 
 
 @contextmanager

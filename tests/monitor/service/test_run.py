@@ -6,14 +6,13 @@ import json
 import os
 import signal
 import socket
-import sqlite3
 import subprocess
 import sys
 import threading
 import time
 import urllib.error
 import urllib.request
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -36,9 +35,10 @@ from monitor.service.service import Service
 from monitor.service.vitals import Vitals
 from sim_plants.export import write_rows
 from sim_plants.loops import Simulation
-from sim_plants.publish import Publisher
 from sim_plants.scenarios import SCENARIOS
 from sim_plants.truth import loop_table
+from tests.monitor.service.tools import messages_of
+from tests.support.stores import stored
 from tests.support.waiting import PATIENCE, free_port, heard, until
 
 START = 1_767_225_600
@@ -57,15 +57,6 @@ def plant(tmp_path_factory):
 @pytest.fixture
 def endpoint():
     return f"tcp/127.0.0.1:{free_port()}"
-
-
-def messages_of(loops: Any, block: Any, payload: str) -> list[tuple[str, bytes]]:
-    out: list[tuple[str, bytes]] = []
-    publisher = Publisher(lambda key, data: out.append((key, data)), loops, payload)  # type: ignore[arg-type]
-    step = 13 if payload == "frame" else 2000
-    for first in range(0, len(block), step):
-        publisher.publish(block.rows(slice(first, first + step)))
-    return out
 
 
 # ---------------------------------------------------------------------------------------------------
@@ -201,13 +192,6 @@ def client(endpoint):
         session.close()
 
 
-def kept(state: Path, table: str = "assessment") -> dict[str, dict[str, Any]]:
-    """What the store has in a table, by id."""
-    with closing(sqlite3.connect(f"file:{state}/loopsight.sqlite?mode=ro", uri=True)) as db:
-        rows = db.execute(f"SELECT id, json FROM {table}").fetchall()  # noqa: S608 (a name of ours)
-    return {i: json.loads(j) for i, j in rows}
-
-
 def health(session: Any) -> dict[str, Any]:
     """The monitor's status, by a query; empty while it does not answer."""
     replies = ask(session, "loopsight/@/*/status", 2.0)
@@ -244,11 +228,13 @@ def test_ready_stop_and_all_that_is_stored(plant, start, client):
     thread.join()
     subscriber.undeclare()
     assert code == 0, monitor.said()
-    stored = kept(monitor.state)
+    found = stored(monitor.state)
     said = {r["id"]: r for r in (json.loads(p) for _, p in heard)}
     assert said
-    assert all(stored[i] == r for i, r in said.items())
-    events = kept(monitor.state, "event")  # assessed or, where a busy machine had no time for it, only closed
+    assert all(found[i] == r for i, r in said.items())
+    events = stored(
+        monitor.state, "event"
+    )  # assessed or, where a busy machine had no time for it, only closed
     assert set(said) <= set(events)
     assert all(e["state"] != "open" for e in events.values())
     assert any(e["state"] == "interrupted" for e in events.values())
@@ -384,10 +370,10 @@ def test_killed_under_load_loses_nothing_that_was_said(plant, endpoint, tmp_path
         thread.join()
         subscriber.undeclare()
         session.close()
-        stored = kept(tmp_path / str(k))
+        found = stored(tmp_path / str(k))
         said = [json.loads(p) for p in heard]
         assert len(said) >= enough
-        assert [stored.get(r["id"]) for r in said] == said
+        assert [found.get(r["id"]) for r in said] == said
         acknowledged += len(said)
     again = Monitor(endpoint, tmp_path / "0", table)
     assert again.first.startswith("ready")

@@ -20,10 +20,9 @@ from monitor.contract.records import Assessment, LoopRow, Suggestion
 from monitor.contract.samples import Samples
 from monitor.engine import Engine
 from sim_plants.loops import Simulation
-from sim_plants.publish import Publisher
 from sim_plants.scenarios import SCENARIOS
 from sim_plants.truth import loop_table
-from tests.monitor.service.tools import LATER, SENT, START, a_step, feed, one_loop
+from tests.monitor.service.tools import LATER, SENT, START, a_step, feed, messages_of, one_loop
 
 SECONDS = 1500
 
@@ -51,15 +50,6 @@ def by_loop(records: Any) -> dict[str, list[Assessment]]:
     out: dict[str, list[Assessment]] = {}
     for r in records:
         out.setdefault(r.loop, []).append(r)
-    return out
-
-
-def messages_of(loops: Any, block: Any, payload: str, rows: int = 13) -> list[tuple[str, bytes]]:
-    out: list[tuple[str, bytes]] = []
-    publisher = Publisher(lambda key, data: out.append((key, data)), loops, payload)
-    step = rows if payload == "frame" else 2000
-    for first in range(0, len(block), step):
-        publisher.publish(block.rows(slice(first, first + step)))
     return out
 
 

@@ -16,6 +16,7 @@ from monitor.contract.loops import Loop, LoopTable
 from monitor.contract.records import Assessment
 from monitor.service.config import Config
 from monitor.service.service import Service
+from sim_plants.publish import Publisher
 from tests.support.bus import FakeBus, Question
 from tests.support.stores import quick
 
@@ -99,3 +100,13 @@ def feed(b: Bench, messages: Any, seconds: float = 0.0) -> None:
     for key, payload in messages:
         b.bus.put(key, payload, SENT)
     b.tick(seconds)
+
+
+def messages_of(loops: Any, block: Any, payload: str, rows: int = 13) -> list[tuple[str, bytes]]:
+    """Return what simulated loops publish, frames of so many samples each."""
+    out: list[tuple[str, bytes]] = []
+    publisher = Publisher(lambda key, data: out.append((key, data)), loops, payload)
+    step = rows if payload == "frame" else 2000
+    for first in range(0, len(block), step):
+        publisher.publish(block.rows(slice(first, first + step)))
+    return out

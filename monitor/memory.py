@@ -30,7 +30,7 @@ from monitor.health.tracking import Tracked
 from monitor.health.valve import ValveEvidence
 from monitor.identify.controller_seen import Controller, Interval
 from monitor.identify.fit import Fit, Load, Valley, Wander
-from monitor.identify.misfit import ModelError
+from monitor.identify.misfit import ModelError, OpenModes
 from monitor.reporting.state import REPORTING, ROW
 from monitor.verdict.history import LoopHistory, Standing
 from monitor.verdict.in_force import Change, InForce
@@ -67,7 +67,7 @@ _KINDS: dict[str, type] = {
     kind.__name__: kind
     for kind in (
         *(LoopMemory, WaitingEvent, Loop, LoopHistory, InForce, Change, Controller, Interval, Settings),
-        *(Finding, Assessment, Fit, Valley, Load, Wander, ModelError, Tuning, Suggested, Standing),
+        *(Finding, Assessment, Fit, Valley, Load, Wander, ModelError, OpenModes, Tuning, Suggested, Standing),
         *(Advice, Predicted, Plan, LoopRow, ClosedEvent, EventWindow),
         *(Diagnosis, Episodes, LoopSpan, ValveEvidence, NoResponse, Tracked, CycleGain),
     )

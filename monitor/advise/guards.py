@@ -15,6 +15,7 @@ from monitor.assess.reference import model_of, settings_of, with_hold_delay
 from monitor.assess.tuning import MS_MARGIN_RATIO
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Array
+from monitor.identify.misfit import ModelError
 from tuners.loops import coefficients, span
 from tuners.models import Model
 from tuners.settings import Settings
@@ -33,6 +34,10 @@ CROSSOVER_RATIO, GAIN_RATIO = 3.0, 2.0
 """Of the gain crossover and of the gain in today's: what is excited under today's settings reaches little further."""
 EXCITED_RATIO = 4.0
 """Of both, where a set-point step excited what lies further up: an error of the model there would have been seen."""
+LIKELY_TURNS = 2.0
+"""Half turns in the model's dead time, above which an error counts where it looks like one, not where it might be."""
+LOST_SHARE = 1.0
+"""Of the model, from which an error that is seen leaves nothing of it."""
 LOADS_GAIN_RATIO = 2.0
 """Of the gain in today's, after load steps alone."""
 WRONG_RATIO = 4.0
@@ -180,21 +185,35 @@ class Guards:
         """
         wrong = self.endangered(many)
         misfit = self.evidence.misfit
+        if misfit is not None and self._lost(misfit):
+            wrong = wrong | self._at_once(many, 1.0) | self._beyond(many, 1.0)
         if self.today is not None and misfit is not None and np.any(wrong):
             least = np.min(self._room(many, misfit.omega, misfit.bound), axis=0)
             safer = (least[:-1] > least[-1]) & ~self._beyond(many, 1.0) & ~self._at_once(many, 1.0)
             return np.asarray(wrong & ~safer)
         return wrong
 
+    def _lost(self, misfit: ModelError) -> bool:
+        """Whether the error that is seen is as large as the model, below where that turns by half in its dead time."""
+        size = np.abs(np.ravel(self.model.frequency_response(misfit.omega)))
+        below = misfit.omega * float(np.ravel(self.model.dead_time)[0]) < 0.5 * math.pi
+        return bool(np.any((misfit.bound > LOST_SHARE * size) & below))
+
     def _not_excited(self, many: list[Settings]) -> Flags:
         """Where the crossover goes further up than the events have shown the process."""
         gain, crossover = self._far_below()
         far = self._beyond(many, max(CROSSOVER_RATIO, crossover)) | self._at_once(many, max(GAIN_RATIO, gain))
+        raised = far | self._beyond(many, CROSSOVER_RATIO) | self._at_once(many, GAIN_RATIO)
         misfit = self.evidence.misfit
-        if self.evidence.loads_only or misfit is None or not len(misfit.open_omega) or not np.any(far):
+        if self.evidence.loads_only or misfit is None or not len(misfit.unseen.omega) or not np.any(raised):
             return far
-        room = self._room(many, misfit.open_omega, misfit.open_bound)[:, : len(many)]
-        return np.asarray(far & (self._beyond(many, EXCITED_RATIO) | np.any(room < LEAST_DISTANCE, axis=0)))
+        unseen = misfit.unseen
+        close = self._room(many, unseen.omega, unseen.bound)[:, : len(many)] < LEAST_DISTANCE
+        # far below the aim, and far above the crossover, it takes an error that looks like one; else one that might be
+        suspected = np.any(close[unseen.suspect], axis=0)
+        likely = unseen.omega * float(np.ravel(self.model.dead_time)[0]) < LIKELY_TURNS * math.pi
+        hidden = np.any(close[likely], axis=0) | self._beyond(many, EXCITED_RATIO)
+        return np.asarray((raised & suspected) | (far & hidden))
 
     def _beyond(self, many: list[Settings], ratio: float) -> Flags:
         """Where the gain crossover lies so many times above today's."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 
 from monitor.contract.loops import Loop
@@ -30,6 +31,7 @@ from monitor.identify.working_setpoint import working_setpoint
 from tuners.models import Model
 
 from .damping import is_damped
+from .doubt import gain_doubt
 from .evidence import (
     MANY_UNCERTAIN_SHARE,
     WIDE_GAIN,
@@ -184,7 +186,7 @@ def assess_event(
         predicted=figures.predicted,
     )
     thorough = thorough or verdict != GOOD or not figures.far_above(loop.ci_min)
-    return _with_rivals(finding, event, shown) if thorough and finding.is_event else finding
+    return _doubted(finding, event, shown, thorough=thorough)
 
 
 def _figures(loop: Loop, event: ClosedEvent, of: Fit | None, model: Model | None, *, known: bool) -> Figures:
@@ -202,12 +204,20 @@ def _levels(event: ClosedEvent) -> tuple[Range, Range]:
     return tuple((float(min(each)), float(max(each))) for each in ends)  # type: ignore[return-value]
 
 
-def _with_rivals(finding: Finding, event: ClosedEvent, shown: Shown) -> Finding:
-    """Return a finding with the models that its event does not exclude, and with its own one's error."""
-    if finding.fit is None or not (finding.usable or finding.wide):
+def _doubted(finding: Finding, event: ClosedEvent, shown: Shown, *, thorough: bool) -> Finding:
+    """Return a finding with its model's error and, where that is asked for, the models that its event does not exclude.
+
+    Its record tells intervals where the model is one to rest on, and of the gain with what another process or load may
+    do to it.
+    """
+    fit = finding.fit
+    if fit is None or not (finding.is_event and (finding.usable or finding.wide)):
         return finding
-    misfit = model_error(event.window, finding.fit, event.noise)
-    return replace(finding, rivals=rivals(event, shown), misfit=misfit)
+    error = model_error(event.window, fit, event.noise)
+    others = rivals(event, shown) if thorough else ()
+    fit = replace(fit, doubt=gain_doubt(fit, error, event.kind == LOAD_STEP, bool(others)))
+    record = msgspec.structs.replace(finding.record, **model_fields(fit))
+    return replace(finding, fit=fit, record=record, rivals=others, misfit=error)
 
 
 def _stepped(event: ClosedEvent, fit: Fit | None) -> bool:
@@ -295,7 +305,7 @@ def _record(
         ms=figures.ms,
         gain_integrals=gain_integrals,
         t0_integrals=t0_integrals,
-        **({} if fit is None else model_fields(fit)),
+        **({} if fit is None else model_values(fit)),
     )
 
 
@@ -358,19 +368,20 @@ def ramp_in_words(event: ClosedEvent) -> str:
     return f"the set point moved by {event.amplitude:+.3g} [PV] over {moved[-1] if len(moved) else 0.0:.3g} s"
 
 
-def model_fields(fit: Fit) -> dict[str, float]:
-    """Return the model's columns: ``gain, t0, dead_time, lag``, each with ``_lo`` and ``_hi``.
+def model_values(fit: Fit) -> dict[str, float]:
+    """Return the model's columns ``gain, t0, dead_time, lag``, without their intervals.
 
     A second lag counts half as lag, half as dead time (half rule, Skogestad 2003).
     """
-    half = {"lag": fit.lag2 / 2, "dead_time": fit.lag2 / 2}
-    fields: dict[str, float] = {}
-    for name in ("gain", "t0", "dead_time", "lag"):
-        more = half.get(name, 0.0)
-        low, high = fit.interval(name)
-        fields |= {
-            name: float(getattr(fit, name)) + more,
-            f"{name}_lo": low + more,
-            f"{name}_hi": high + more,
-        }
+    half = fit.lag2 / 2
+    return {"gain": fit.gain, "t0": fit.t0, "dead_time": fit.dead_time + half, "lag": fit.lag + half}
+
+
+def model_fields(fit: Fit) -> dict[str, float]:
+    """Return the model's columns, each with its 95 % interval in ``_lo`` and ``_hi``."""
+    fields = model_values(fit)
+    for name, value in model_values(fit).items():
+        more = value - float(getattr(fit, name))
+        low, high = fit.told(name)
+        fields |= {f"{name}_lo": low + more, f"{name}_hi": high + more}
     return fields

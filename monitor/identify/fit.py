@@ -103,6 +103,9 @@ class Fit:
     """``direct`` (from OP as measured), ``indirect`` (closed loop simulated) or ``joint`` (several events)."""
     extra_delay: float = 0.0
     """Dead time that the loop's controller adds to the process: PV filter, late OP, half of a slow execution [s]."""
+    doubt: float = 0.0
+    """Variance of ln |gain| to add to what is said of it, where process or load may be of another kind than the
+    model's. Not part of `cov`: settings are kept safe against that by other means than the gain's interval."""
 
     @property
     def beside_loads(self) -> bool:
@@ -122,14 +125,22 @@ class Fit:
     def interval(self, name: str) -> tuple[float, float]:
         """Return the 95 % interval of ``gain``, ``lag``, ``dead_time`` or ``t0``."""
         if name == "gain":
-            half = Z95 * math.sqrt(self.cov[0, 0])
-            ends = self.gain * math.exp(-half), self.gain * math.exp(min(half, 700.0))
-            return min(ends), max(ends)
+            return self._gain_within(Z95 * math.sqrt(self.cov[0, 0]))
         weights = {"lag": (0.0, 1.0, 0.0), "dead_time": (0.0, 0.0, 1.0), "t0": (0.0, 1.0, 1.0)}
         low, high = self._about(name, np.array(weights[name]))
         if name != "t0":  # neither part of T0 is below 0, so the other is not above it
             high = min(high, max(self._about("t0", np.array(weights["t0"]))[1] - self.lag2, low))
         return low, high
+
+    def told(self, name: str) -> tuple[float, float]:
+        """Return the 95 % interval of `interval`, of the gain with its doubt."""
+        if name == "gain":
+            return self._gain_within(Z95 * math.sqrt(self.cov[0, 0] + self.doubt))
+        return self.interval(name)
+
+    def _gain_within(self, half: float) -> tuple[float, float]:
+        ends = self.gain * math.exp(-half), self.gain * math.exp(min(half, 700.0))
+        return min(ends), max(ends)
 
     def _about(self, name: str, weights: Array) -> tuple[float, float]:
         half = Z95 * math.sqrt(max(float(weights @ self.cov @ weights), 0.0))
@@ -210,6 +221,7 @@ def combine(fits: list[Fit]) -> Fit:
     # how much each event counts for each figure, so that one which knows little takes nothing from the others
     shares = np.array([np.clip(np.diag(together @ w), 0.0, None) for w in weights])
     floor = (np.sum(shares * [np.sqrt(f.floor) for f in fits], axis=0) / np.sum(shares, axis=0)) ** 2
+    doubt = float(shares[:, 0] @ [math.sqrt(f.doubt) for f in fits] / np.sum(shares[:, 0])) ** 2
     best = max(fits, key=lambda f: f.quality)
     return replace(
         best,
@@ -219,6 +231,7 @@ def combine(fits: list[Fit]) -> Fit:
         lag2=2.0 * half,
         scatter=together,
         floor=floor,
+        doubt=doubt,
         valley=None,
         method=JOINT,
         extra_delay=fits[-1].extra_delay,

@@ -9,6 +9,7 @@ the event, not against PV's movement.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -32,17 +33,23 @@ MOST_FINE_POINTS = 4000
 """Points of the regular grid through the samples before that: long gaps between close samples are not filled up."""
 LEAST_CELLS = 30
 """Points below which nothing is told apart."""
-FREQUENCY_COUNT = 36
+FREQUENCY_RATIO = 1.13
+"""From one frequency to the next: powers of it, so that they are the same in all events of a loop."""
 LEAST_CYCLES = 1.5
 """Cycles of the slowest mode in the window."""
-NYQUIST_SHARE = 0.6
-"""Of the fastest mode in the grid's Nyquist frequency."""
+NYQUIST_SHARE, CLOSE_NYQUIST_SHARE = 0.6, 0.85
+"""Of the fastest mode in the grid's Nyquist frequency, and in the samples' own where these are looked at one by one."""
+CLOSE_FROM_SHARE = 0.5
+"""Of the fastest mode in means over several samples: from there on samples are looked at one by one."""
 DAMPINGS = np.array([0.02, 0.05, 0.12, 0.3, 0.6])
 """From a resonance to a lag."""
 OPEN_DAMPING = 0.05
 """Least damping of a mode that is not seen but might be there."""
 OPEN_SD = 2.0
 """Standard deviations of an error that would not have been seen."""
+SUSPECT_CHI = 6.0
+"""Power from which a mode that is not seen is taken for as large as it looks: noise alone gives as much to one of
+twenty."""
 CLOSE_STEPS, CLOSE_COUNT, CLOSE_DAMPINGS = 0.8, 9, np.array([0.01, 0.02, 0.05, 0.12])
 """Steps of the grid to either side of the mode that explains most, frequencies there, and dampings."""
 SEEN_CHI = 20.0
@@ -57,6 +64,35 @@ LEAST_NOISE_SHARE = 0.007
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class OpenModes:
+    """Modes of which none is seen, and what each might be: shape (m,)."""
+
+    omega: Array
+    """[rad/s]"""
+    damping: Array
+    in_phase: Array
+    """Size of the error there as it looks, and by the mode's slope [PV/OP]."""
+    across: Array
+    sd: Array
+    """Standard deviation of each of the two [PV/OP]."""
+
+    @property
+    def bound(self) -> Array:
+        """Size of an error that is not excluded: two standard deviations, or as it looks where one is suspected."""
+        open_ = np.where(self.damping >= OPEN_DAMPING, OPEN_SD * self.sd, 0.0)
+        return np.maximum(open_, np.where(self.suspect, self._size, 0.0))
+
+    @property
+    def suspect(self) -> NDArray[np.bool_]:
+        """Where there looks to be one."""
+        return np.asarray(self._size**2 > SUSPECT_CHI * self.sd**2)
+
+    @property
+    def _size(self) -> Array:
+        return np.asarray(np.hypot(self.in_phase, self.across))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class ModelError:
     """The error of a model that a window shows, mode by mode; empty where none is seen."""
 
@@ -66,10 +102,8 @@ class ModelError:
     """(k,) Size of the error there, one standard deviation added [PV/OP]."""
     chi: Array
     """(k,) Power that the mode explains, in variances of the noise."""
-    open_omega: Array
-    """(m,) Modes of which none is seen [rad/s]."""
-    open_bound: Array
-    """(m,) Size of an error there that would not have been seen: two standard deviations [PV/OP]."""
+    unseen: OpenModes
+    """What may be there beside."""
 
     @property
     def size(self) -> float:
@@ -77,7 +111,25 @@ class ModelError:
         return float(np.max(self.bound * self.omega, initial=0.0))
 
 
-NOTHING_SEEN = ModelError(*np.zeros((5, 0)))
+NOTHING_UNSEEN = OpenModes(*np.zeros((5, 0)))
+NOTHING_SEEN = ModelError(np.zeros(0), np.zeros(0), np.zeros(0), NOTHING_UNSEEN)
+
+
+def together(errors: Sequence[ModelError]) -> ModelError:
+    """Return the least of the errors that events of a loop show, and what all of those as small leave open.
+
+    An error of the model shows in every event. What an event leaves open is noise, and less in several: the mean of
+    each mode's size, weighed by its variance.
+    """
+    least = min(errors, key=lambda error: error.size)
+    alike = [error.unseen for error in errors if error.size == least.size]
+    names = ("omega", "damping", "in_phase", "across", "sd")
+    omega, damping, in_phase, across, sd = (np.concatenate([getattr(m, n) for m in alike]) for n in names)
+    modes, which = np.unique(np.stack([omega, damping]), axis=1, return_inverse=True)
+    weight = 1.0 / sd**2
+    total = np.bincount(which, weight)
+    in_phase, across = (np.bincount(which, weight * size) / total for size in (in_phase, across))
+    return replace(least, unseen=OpenModes(modes[0], modes[1], in_phase, across, 1.0 / np.sqrt(total)))
 
 
 def model_error(window: EventWindow, fit: Fit, noise: float) -> ModelError:
@@ -100,24 +152,45 @@ def model_error(window: EventWindow, fit: Fit, noise: float) -> ModelError:
     cells = _cells(window, fit)
     if cells is None:
         return NOTHING_SEEN
-    n = len(cells.basis)
+    slowest = 2.0 * math.pi * LEAST_CYCLES / (len(cells.basis) * cells.step)
     fastest = NYQUIST_SHARE * math.pi / cells.step
-    slowest = 2.0 * math.pi * LEAST_CYCLES / (n * cells.step)
-    grid = np.geomspace(slowest, fastest, FREQUENCY_COUNT)
-    least = max(noise, LEAST_NOISE_SHARE * float(np.ptp(window.pv))) ** 2 / cells.each
+    least = max(noise, LEAST_NOISE_SHARE * float(np.ptp(window.pv))) ** 2
+    # means over several samples show nothing of what is faster
+    close = _cells(window, fit, one_by_one=True) if cells.each > 1 else None
+    if close is None:
+        parts = _looked_at(cells, _grid(slowest, fastest), least)
+    else:
+        between = CLOSE_FROM_SHARE * fastest
+        parts = _looked_at(cells, _grid(slowest, between), least)
+        parts += _looked_at(close, _grid(between, CLOSE_NYQUIST_SHARE * math.pi / close.step), least)
+    every = _Modes(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    seen, unseen = every.take(every.chi > SEEN_CHI), every.take(every.chi <= SEEN_CHI)
+    left_open = OpenModes(unseen.omega, unseen.damping, unseen.in_phase, unseen.across, unseen.sd)
+    return ModelError(seen.omega, seen.bound, seen.chi, left_open)
+
+
+def _grid(low: float, high: float) -> Array:
+    """Return the frequencies from one on and below another [rad/s]."""
+    first, last = (math.ceil(math.log(x) / math.log(FREQUENCY_RATIO)) for x in (low, high))
+    return np.asarray(FREQUENCY_RATIO ** np.arange(first, last, dtype=float))
+
+
+def _looked_at(cells: _Cells, grid: Array, least: float) -> list[_Modes]:
+    """Return the modes of a grid of frequencies, and closer ones about that which explains most.
+
+    ``least`` is the variance of a sample's noise.
+    """
+    least = least / cells.each
     found = _regressed(cells, grid, DAMPINGS, least)
     seen = found.alone & (found.chi > SEEN_CHI)
-    unseen = found.alone & ~seen & (found.damping >= OPEN_DAMPING)
-    parts = [found.take(seen)]
+    parts = [found.take(found.alone)]
     if np.any(seen):
         top = int(np.argmax(np.where(seen, found.chi, 0.0)))
         if found.damping[top] < DAMPINGS[-2]:
-            step = math.log(grid[1] / grid[0])
-            close = found.omega[top] * np.exp(step * np.linspace(-CLOSE_STEPS, CLOSE_STEPS, CLOSE_COUNT))
-            closer = _regressed(cells, close, CLOSE_DAMPINGS, least)
+            near = np.linspace(-CLOSE_STEPS, CLOSE_STEPS, CLOSE_COUNT)
+            closer = _regressed(cells, found.omega[top] * FREQUENCY_RATIO**near, CLOSE_DAMPINGS, least)
             parts.append(closer.take(closer.alone & (closer.chi > SEEN_CHI)))
-    omega, bound, chi = (np.concatenate([getattr(p, n) for p in parts]) for n in ("omega", "bound", "chi"))
-    return ModelError(omega, bound, chi, found.omega[unseen], OPEN_SD * found.sd[unseen])
+    return parts
 
 
 class _Modes(NamedTuple):
@@ -125,18 +198,23 @@ class _Modes(NamedTuple):
 
     omega: Array
     damping: Array
-    bound: Array
+    in_phase: Array
+    across: Array
     sd: Array
     chi: Array
     alone: NDArray[np.bool_]
     """Whether it differs from what the parameters explain."""
 
+    @property
+    def bound(self) -> Array:
+        """Size, and one standard deviation."""
+        return np.asarray(np.hypot(self.in_phase, self.across) + self.sd)
+
     def take(self, where: NDArray[np.bool_]) -> _Modes:
         """Return some of them."""
-        omega, damping, bound, sd, chi = (
-            x[where] for x in (self.omega, self.damping, self.bound, self.sd, self.chi)
-        )
-        return _Modes(omega, damping, bound, sd, chi, self.alone[where])
+        columns = (self.omega, self.damping, self.in_phase, self.across, self.sd, self.chi)
+        omega, damping, in_phase, across, sd, chi = (column[where] for column in columns)
+        return _Modes(omega, damping, in_phase, across, sd, chi, self.alone[where])
 
 
 def _regressed(cells: _Cells, frequencies: Array, dampings: Array, least: float) -> _Modes:
@@ -157,10 +235,11 @@ def _regressed(cells: _Cells, frequencies: Array, dampings: Array, least: float)
         rest = float(cells.residual @ cells.residual) - explained
         var = np.maximum(rest / (n - p - 2), least)
         sd = np.sqrt(var * (g11 + g22) / det / 2.0) / (2.0 * damping)
-        bound = np.hypot(a1, a2) / (2.0 * damping) + sd
+        in_phase, across = a1 / (2.0 * damping), a2 / (2.0 * damping)
         alike = np.where(damping < BROAD_DAMPING, ALIKE_SHARE, ALIKE_BROAD_SHARE)
         alone = (np.minimum(g11 / power[0::2], g22 / power[1::2]) > alike) & (det > ALIKE_SHARE * g11 * g22)
-        return _Modes(omega, damping, bound, sd, explained / var, alone & np.isfinite(bound))
+        alone &= np.isfinite(in_phase + across + sd)
+        return _Modes(omega, damping, in_phase, across, sd, explained / var, alone)
 
 
 class _Cells(NamedTuple):
@@ -180,8 +259,11 @@ class _Cells(NamedTuple):
     """What goes on in PV's noise: all of these are innovations then."""
 
 
-def _cells(window: EventWindow, fit: Fit) -> _Cells | None:
-    """Lay a window's residuals out on a regular grid; None where it is too short."""
+def _cells(window: EventWindow, fit: Fit, *, one_by_one: bool = False) -> _Cells | None:
+    """Lay a window's residuals out on a regular grid; None where it is too short.
+
+    ``one_by_one``: not all of it in means over several samples, but each of the first ones since the step.
+    """
     t, u = window.time, op_from_rest(window, fit.size is not None)
     kind = 0 if fit.process == INTEGRATING else 1
     # what came beside a set-point step may as well be the model's error
@@ -189,11 +271,13 @@ def _cells(window: EventWindow, fit: Fit) -> _Cells | None:
     span = float(t[-1] - t[0])
     fine = max(median(np.diff(t)), span / MOST_FINE_POINTS)
     count = int(span / fine * (1.0 + 1e-9)) + 1
-    each = -(-count // MOST_CELLS)
-    n = count // each
+    each = 1 if one_by_one else -(-count // MOST_CELLS)
+    at = t[0] + fine * np.arange(count // each * each)
+    if one_by_one:
+        at = at[at >= (fit.onset or 0.0) - fine][:MOST_CELLS]
+    n = len(at) // each
     if n < LEAST_CELLS:
         return None
-    at = t[0] + fine * np.arange(n * each)
     # OP is held from sample to sample, PV is not
     held = u[np.searchsorted(t, at + 1e-6 * fine, side="right") - 1]
     residual = window.pv - sum(moved)

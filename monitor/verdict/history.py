@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -29,7 +30,7 @@ from monitor.contract.records import (
 )
 from monitor.detect.event import EventWindow
 from monitor.identify.fit import Fit, combine, same_process
-from monitor.identify.misfit import ModelError
+from monitor.identify.misfit import ModelError, together
 from monitor.median import median
 from tuners.models import Model
 
@@ -42,7 +43,7 @@ from .speed import falls_short, indices, kindest
 MOST_FINDINGS = 20
 """Findings kept for each loop: the newest ones make its verdict, and memory does not grow with history."""
 
-MISFIT_EVENTS, ALIKE_SWING_SHARE = 5, 0.5
+MISFIT_EVENTS, ALIKE_SWING_SHARE = 8, 0.5
 """Newest events whose model errors are compared, and share of PV's largest swing in them that an event must have."""
 SHRUNK_SHARE = 0.8
 """Share of the model's error when a small step was last taken in spite of it, below which another one may be."""
@@ -176,10 +177,20 @@ class LoopHistory:
         others = [f.fit for f in sure if f.fit is not None and f.fit.process != joint.process]
         loads = all(f.record.kind == LOAD for f in self.usable)
         return Evidence(
-            rivals=(*(r for r in sure[-1].rivals if r.process != joint.process), *others[-1:]),
+            rivals=(*(r for r in self._telling(sure).rivals if r.process != joint.process), *others[-1:]),
             misfit=misfit,
             loads_only=loads and not self._confirmed(joint),
             soft_step=softened is None or size < SHRUNK_SHARE * softened,
+        )
+
+    def _telling(self, sure: list[Finding]) -> Finding:
+        """Return the event that tells most of the kind of process: of the last ones the one that stands out most.
+
+        What a large step excludes, a small one that excludes nothing does not bring back.
+        """
+        looked_at = [f for f in sure[-MISFIT_EVENTS:] if f.misfit is not None]
+        return max(
+            looked_at, key=lambda f: f.swing / f.noise if f.noise > 0.0 else math.inf, default=sure[-1]
         )
 
     def _misfit(self) -> ModelError | None:
@@ -192,7 +203,7 @@ class LoopHistory:
         shown = [(f.swing, f.misfit) for f in today[-MISFIT_EVENTS:] if f.misfit is not None]
         strongest = max((swing for swing, _ in shown), default=0.0)
         alike = [misfit for swing, misfit in shown if swing >= ALIKE_SWING_SHARE * strongest]
-        return min(alike, key=lambda misfit: misfit.size, default=None)
+        return together(alike) if alike else None
 
     def _confirmed(self, joint: Fit) -> bool:
         """Whether events under the settings of today and under those before show the same process.

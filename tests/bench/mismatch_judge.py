@@ -173,7 +173,7 @@ def _note(out: Outcome, drawn: Drawn, made: list[Assessment], row: LoopRow, stag
             continue
         slopes = factors(drawn)
         lows, highs = [t * f for t in truth for f in slopes], [r.gain_lo, r.gain_hi]
-        out.gains.append(min(lows) <= max(highs) and min(highs) <= max(lows))
+        out.gains.append(bool(min(lows) <= max(highs) and min(highs) <= max(lows)))
 
 
 def _try(out: Outcome, drawn: Drawn, rig: Rig, engine: Engine, stage: int, row: LoopRow) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from monitor.advise.guards import (
     crossovers,
 )
 from monitor.advise.region import uncertain_models
-from monitor.identify.misfit import ModelError
+from monitor.identify.misfit import NOTHING_UNSEEN, OPEN_SD, ModelError, OpenModes
 from tests.monitor.advise.tools import PERIOD, sluggish
 from tests.support.fits import make_fit
 from tuners.models import SELF_REGULATING, IntegratingModel
@@ -36,9 +37,16 @@ def guards(evidence: Evidence = NO_DOUBT, **facts: object) -> Guards:
     return Guards.of(sluggish(**facts), uncertain_models(make_fit(), PERIOD), evidence, PERIOD)
 
 
+def left_open(omega: list[float], bound: float) -> ModelError:
+    """Nothing is seen, and so much may be there."""
+    every = np.full((5, len(omega)), 0.1)
+    every[0], every[2:4], every[4] = omega, 0.0, bound / OPEN_SD
+    return ModelError(*np.zeros((3, 0)), OpenModes(*every))
+
+
 def error(omega: float, bound: float) -> ModelError:
     """One mode that is seen, and nothing known of others."""
-    return ModelError(np.array([omega]), np.array([bound]), np.array([100.0]), np.zeros(0), np.zeros(0))
+    return ModelError(np.array([omega]), np.array([bound]), np.array([100.0]), NOTHING_UNSEEN)
 
 
 @settings(max_examples=40)
@@ -116,6 +124,15 @@ def test_an_error_of_the_model_bounds_the_gain():
     assert {MISFIT, ""} == set(held.refused(many))
 
 
+def test_where_the_error_is_as_large_as_the_model_nothing_is_built_on_it():
+    """A load that came with the set point leaves a model of which little is right: no more gain, whatever the room."""
+    model = guards().model
+    size = float(abs(model.frequency_response(0.05)[0]))
+    more, less = Settings(0.75, 200.0), Settings(0.5, 250.0)
+    assert guards(Evidence(misfit=error(0.05, 0.5 * size))).refused([more, less]) == ["", ""]
+    assert guards(Evidence(misfit=error(0.05, 1.2 * size))).refused([more, less]) == [MISFIT, ""]
+
+
 def test_what_is_gentler_than_today_is_allowed_whatever_the_error():
     held = guards(Evidence(misfit=error(0.1, 5.0)))
     assert held.refused([Settings(0.5, 250.0), Settings(0.7, 200.0)]) == ["", MISFIT]
@@ -126,11 +143,20 @@ def test_where_a_step_excited_more_may_be_reached():
     """Up to four times the gain, where an error of the model would have been seen; not after loads alone."""
     aim = Settings(0.6 * GAIN_RATIO * 1.3, 200.0)
     for bound, loads_only, why in ((0.01, False, ""), (5.0, False, NOT_EXCITED), (0.01, True, NOT_EXCITED)):
-        shown = ModelError(*np.zeros((3, 0)), np.array([0.1, 0.3]), np.array([bound, bound]))
+        shown = left_open([0.1, 0.3], bound)
         assert guards(Evidence(misfit=shown, loads_only=loads_only)).refused([aim]) == [why]
-    nothing = ModelError(*np.zeros((3, 0)), np.array([0.1]), np.array([0.01]))
+    nothing = left_open([0.1], 0.01)
     far = Settings(0.6 * EXCITED_RATIO * 1.1, 200.0)
     assert guards(Evidence(misfit=nothing)).refused([far]) == [NOT_EXCITED]
+
+
+def test_far_below_its_aim_a_loop_is_not_raised_into_what_looks_like_a_resonance():
+    """Far below its aim a model may be wrong by a factor: what might be there counts no more, what looks so does."""
+    aim, more = Settings(6.0, 30.0), Settings(0.06 * GAIN_RATIO * 1.3, 200.0)
+    for size, sd, why in ((5.0, 4.0, ""), (5.0, 1.0, NOT_EXCITED), (0.05, 0.01, "")):
+        unseen = OpenModes(*(np.array([x]) for x in (0.3, 0.05, size, 0.0, sd)))
+        held = guards(Evidence(misfit=ModelError(*np.zeros((3, 0)), unseen)), kp=0.06)
+        assert replace(held, aim=aim).refused([more]) == [why]
 
 
 def test_the_mode_that_explains_most_decides_about_a_soft_step():

@@ -18,7 +18,7 @@ from monitor.advise.region import nominal, uncertain_models
 from monitor.advise.suggestion import Advice, Withheld, renewed
 from monitor.assess.reference import settings_of
 from monitor.contract.loops import Loop
-from monitor.identify.misfit import ModelError
+from monitor.identify.misfit import NOTHING_UNSEEN, ModelError
 from tests.monitor.advise.tools import PERIOD, asked, given_advice, sluggish
 from tests.support.fits import make_fit
 from tuners.levels import method_product
@@ -29,7 +29,7 @@ from tuners.settings import Settings
 
 def error(omega: float, bound: float) -> ModelError:
     """One mode that is seen, and nothing known of others."""
-    return ModelError(np.array([omega]), np.array([bound]), np.array([100.0]), np.zeros(0), np.zeros(0))
+    return ModelError(np.array([omega]), np.array([bound]), np.array([100.0]), NOTHING_UNSEEN)
 
 
 FAR = {"kp": 0.2, "ti": 400.0}

@@ -31,16 +31,17 @@ def second_order(u: Array, step: float, w: float, zeta: float) -> tuple[Array, A
 
 
 def stepped(
-    share: float, noise: float, seed: int = 1, n: int = 500, dead_time: int = DEAD_TIME, lag: float = LAG
-) -> EventWindow:
+    share: float, noise: float, seed: int = 1, n: int = 500, dead_time: int = DEAD_TIME, lag: float = LAG,
+    frequency: float = FREQUENCY,
+) -> EventWindow:  # fmt: skip
     """A set-point step of an integrating loop beside which ``share`` of a resonance answers OP."""
     rng = np.random.default_rng(seed)
     time = np.arange(n) - 100.0
     pv, op, sp = np.zeros(n), np.zeros(n), (time >= 0) * 1.0
     decay, late = math.exp(-1.0 / lag), [0.0] * dead_time
     root = math.sqrt(1.0 - DAMPING**2)
-    fall = math.exp(-DAMPING * FREQUENCY)
-    cos, sin = fall * math.cos(FREQUENCY * root), fall * math.sin(FREQUENCY * root) / root
+    fall = math.exp(-DAMPING * frequency)
+    cos, sin = fall * math.cos(frequency * root), fall * math.sin(frequency * root) / root
     x = s = a = b = integral = 0.0
     for k in range(n):
         pv[k] = GAIN * s + share * a + noise * rng.normal()
@@ -114,6 +115,26 @@ def test_long_and_uneven_windows_say_the_same():
         k = int(np.argmax(found.chi))
         assert found.omega[k] == pytest.approx(FREQUENCY, rel=0.1)
         assert 0.5 < found.bound[k] < 2.5
+
+
+def test_long_windows_hide_nothing_fast():
+    """A window of three times as many points as are looked at: what is faster than their means show is seen, too."""
+    found = seen(stepped(0.1, 0.01, n=1300, frequency=1.3), 0.01)
+    k = int(np.argmax(found.chi))
+    assert found.omega[k] == pytest.approx(1.3, rel=0.06)
+    nothing = seen(stepped(0.0, 0.01, n=1300), 0.01)
+    assert nothing.omega.size == 0
+    assert nothing.unseen.omega.max() > 2.0
+
+
+def test_what_might_be_there_is_taken_for_as_large_as_it_looks():
+    """A resonance half in the noise is not seen, but the bound of what is not excluded holds it."""
+    sizes = []
+    for seed in range(4):
+        found = seen(stepped(0.012, 0.03, seed, n=700), 0.03)
+        near = np.abs(found.unseen.omega / FREQUENCY - 1.0) < 0.15
+        sizes.append(found.unseen.bound[near].max() if near.any() else found.bound.max())
+    assert min(sizes) > 0.012 / (2.0 * DAMPING)
 
 
 def test_too_short_a_window_says_nothing():

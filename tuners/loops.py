@@ -51,23 +51,32 @@ class Loop(NamedTuple):
 
 def coefficients(model: Process, settings: Settings) -> tuple[Loops, tuple[int, ...]]:
     """Write model and settings as L(s), with the shape that they broadcast to."""
-    fields = (
-        model.gain,
-        model.dead_time,
-        settings.kp,
-        settings.ti,
-        settings.td,
-        settings.filter_time,
-        *model.lags,
-    )
+    rows, shape = numbers(model, settings)
+    loops: Loops = _written(rows, settings.form == "series", float(model.process == INTEGRATING))
+    return loops, shape
+
+
+def numbers(model: Process, settings: Settings) -> tuple[Array, tuple[int, ...]]:
+    """Return gain, dead time, kp, ti, td, tf and lags, rows (k, L), and the shape to which they broadcast."""
+    times = model.dead_time, settings.kp, settings.ti, settings.td, settings.filter_time, *model.lags
+    fields = (model.gain, *times)
     shape = np.broadcast(*fields).shape
     rows = np.empty((len(fields), *shape))
     for k, field in enumerate(fields):
         rows[k] = field
-    loops: Loops = _written(
-        rows.reshape(len(fields), -1), settings.form == "series", float(model.process == INTEGRATING)
-    )
-    return loops, shape
+    return rows.reshape(len(fields), -1), shape
+
+
+@jit
+def numerator(ti, td, tf, b, c, series):
+    """Return n0, n1, n2 of a controller's path ``kp (n0 + n1 s + n2 s^2)/(tf s + 1)``, over ``ti s`` with an integral.
+
+    Of the set point's path with its weights; with both of them 1 of the feedback.
+    """
+    lead = tf + c * (td - tf) if series else b * tf + c * td
+    if math.isinf(ti):
+        return b, (b * lead if series else lead), 0.0
+    return 1.0, b * ti + (lead if series else tf), ti * (b * lead if series else lead)
 
 
 @jit
@@ -78,10 +87,10 @@ def _written(rows, series, integrators):
     lags = np.zeros((count, number))
     for k in range(count):
         ti, td, tf = rows[3, k], rows[4, k], rows[5, k]
-        lead = td if series else tf + td
-        g[k], a1[k], a2[k], n[k] = rows[0, k] * rows[2, k], lead, 0.0, integrators
+        _, a1[k], a2[k] = numerator(ti, td, tf, 1.0, 1.0, series)
+        g[k], n[k] = rows[0, k] * rows[2, k], integrators
         if not math.isinf(ti):
-            g[k], a1[k], a2[k], n[k] = g[k] / ti, ti + (td if series else tf), ti * lead, integrators + 1.0
+            g[k], n[k] = g[k] / ti, integrators + 1.0
         for j in range(number):
             lag = rows[5 + j, k]
             i = j

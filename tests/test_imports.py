@@ -23,7 +23,7 @@ STATIONS: dict[str, tuple[str, ...]] = {
     "reporting": ("compiled", "contract"),
     "detect": ("compiled", "median", "contract", "health"),
     "identify": ("compiled", "median", "contract", "detect.event", "tuners"),
-    "assess": ("contract", "detect.event", "identify", "tuners"),
+    "assess": ("median", "contract", "detect.event", "identify", "tuners"),
     "advise": ("compiled", "contract", "identify", "assess", "tuners"),
     "verdict": ("median", "contract", "detect.event", "health", "identify", "assess", "advise", "tuners"),
     "memory": (*(s for s in CORE if s != "engine"), "tuners"),

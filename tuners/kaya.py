@@ -12,7 +12,6 @@ from numpy.polynomial.polynomial import polyval
 
 from tuners.imc import ipdt
 from tuners.models import Array, FloatOrArray, IntegratingModel, Model, as_integrating
-from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings, plain, with_filter
 
 Powers = tuple[float, ...]
@@ -173,6 +172,8 @@ def kaya_optimum(model: Model, power: int = 1) -> Settings:
     steps = 1 + math.ceil(abs(math.log(x / inside)) / 0.2)
     for ratio in np.geomspace(inside, x, steps) if steps > 1 else (x,):
         logs = _minimise(ratio, logs, power)
+    from tuners.robustness import peak_sensitivity  # noqa: PLC0415 (compiled: who names the rules need not import numba)
+
     kp, ti, td = np.exp(logs)
     if not math.isfinite(float(peak_sensitivity(unit, Settings(kp, ti, td)))):
         # Parseval's integral knows nothing of stability, but grows without bound on the way out.

@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from tuners.loops import coefficients
 from tuners.models import (
     INTEGRATING,
     SELF_REGULATING,
@@ -25,12 +26,10 @@ from tuners.models import (
 )
 from tuners.robustness import peak_sensitivity
 from tuners.settings import Settings
+from tuners.spectrum import SETTLED_SHARE, figures_of, first_window, points, spectra
 
 MIN_POINTS, MAX_POINTS = 1 << 11, 1 << 17
-SETTLED_SHARE = 1e-4  # share of the step that may be left at the end of the window; above, the window doubles
-WINDOW_TIME_CONSTANTS = 12.0  # slowest ones in the first window: e^-12 is below SETTLED_SHARE, with room
 FIGURE_POINTS = 512, 1 << 14  # least and most samples for figures without curves
-SWEEP = np.geomspace(1.0, 1e6, 200)  # where a crossover is looked for, in windows
 SETTLING_SHARE = 0.02  # the usual 2 % band of the settling time
 
 
@@ -108,7 +107,7 @@ def closed_loop_response(
         nothing = np.array([])
         return Response(nothing, nothing, nothing, math.inf, math.nan, math.inf)
     model, settings = _proper(model, settings)
-    window = float(_first_window(model, settings)[0])
+    window = float(first_window(model, settings)[0])
     if duration is not None:
         window = max(window, 1.01 * duration)
     for _ in range(12):
@@ -162,56 +161,34 @@ def step_figures(model: Process, settings: Settings, stable: NDArray[np.bool_] |
     """
     if stable is None:
         stable = np.isfinite(np.atleast_1d(peak_sensitivity(model, settings)))
-    names = ("kp", "ti", "td", "tf", "b", "c")
-    rows = [np.broadcast_to(np.asarray(getattr(settings, n), dtype=float), stable.shape) for n in names]
-    figures = np.tile(np.array([[math.nan], [math.inf], [math.inf]]), stable.size)
     model, _ = _proper(model, Settings(1.0))
+    rows = np.empty((6, stable.size))
+    for k, name in enumerate(("kp", "ti", "td", "tf", "b", "c")):
+        rows[k] = getattr(settings, name)
+    _, _, td, tf, _, c = rows
+    rows[3] = np.where((td > 0) & (tf == 0) & (c != 0), td / 1000, np.where(td != 0, tf, 0.0))
+    figures = np.tile(np.array([[math.nan], [math.inf], [math.inf]]), stable.size)
+    alone, _ = coefficients(model, Settings(1.0))
     todo = np.flatnonzero(stable)
-    window = np.zeros(stable.size)
-    if todo.size:
-        window[todo] = _first_window(model, _columns(rows, todo, settings.form))
+    window = first_window(model, _columns(rows[:, todo], settings.form)) if todo.size else np.zeros(0)
     for _ in range(12):
         if not todo.size:
             break
-        settled = _figures_of_many(model, _columns(rows, todo, settings.form), window[todo], figures, todo)
-        todo = todo[~settled]
-        window[todo] *= 2
+        kept = rows.take(todo, axis=1)
+        many = _columns(kept, settings.form)
+        count = points(model, many, window, 0.1, *FIGURE_POINTS)
+        waves = np.fft.ifft(spectra(alone, kept, settings.form == "series", window, count), axis=-1)
+        final = np.stack([_final_value(model, many, kind) for kind in ("setpoint", "load")])
+        *found, settled = figures_of(waves, _turns(count)[0], window, final, float(model.dead_time))
+        figures[:, todo] = found
+        todo, window = todo[settled == 0.0], 2.0 * window[settled == 0.0]
     return Figures(*figures)
 
 
-def _columns(rows: list[Array], index: NDArray[np.intp], form: str) -> Settings:
-    """Return the settings at `index`, made proper, with fields (L, 1)."""
-    kp, ti, td, tf, b, c = (row[index][:, np.newaxis] for row in rows)
-    tf = np.where((td > 0) & (tf == 0) & (c != 0), td / 1000, tf)
+def _columns(rows: Array, form: str) -> Settings:
+    """Return settings with fields (L,) of rows kp, ti, td, tf, b, c (6, L)."""
+    kp, ti, td, tf, b, c = rows
     return Settings(kp, ti, td, tf, form, b, c)
-
-
-def _figures_of_many(
-    model: Process, settings: Settings, window: Array, figures: Array, index: NDArray[np.intp]
-) -> NDArray[np.bool_]:
-    """Write figures (3, T) at `index`; return which of them have settled within their window."""
-    count = _points(model, settings, window[:, np.newaxis], 0.1, *FIGURE_POINTS)
-    omega = np.arange(1, 2 * count, 2) * (math.pi / window)[:, np.newaxis]
-    process = model.frequency_response(omega)
-    closed = process / (1 + process * settings.frequency_response(omega))
-    time = np.linspace(0.0, 1.0, count, endpoint=False) * window[:, np.newaxis]
-    settled = np.ones(len(window), dtype=bool)
-    for k, kind in ((0, "setpoint"), (1, "load")):
-        path = closed * settings.setpoint_response(omega) if kind == "setpoint" else closed
-        final = np.asarray(_final_value(model, settings, kind))
-        pv = np.where(time <= float(model.dead_time), 0.0, _half_waves(path) + final / 2)
-        error = np.abs((1.0 - k) - pv)
-        iae = (error.sum(axis=1) - error[:, 0] / 2) * window / count
-        offset = np.abs((1.0 - k) - final[:, 0]) > 1e-9
-        figures[k + 1, index] = np.where(offset, np.inf, iae)
-        scale = np.maximum(1.0 - k, np.abs(pv).max(axis=1))
-        last = np.abs(pv[:, -count // 10 : -count // 50] - final).max(axis=1)
-        settled &= last < SETTLED_SHARE * scale
-        if kind == "setpoint":
-            size = np.where(final[:, 0] == 0, 1.0, np.abs(final[:, 0]))
-            beyond = (np.sign(final) * pv).max(axis=1) - np.abs(final[:, 0])
-            figures[0, index] = np.maximum(beyond, 0.0) / size
-    return settled
 
 
 def _proper(model: Process, settings: Settings) -> tuple[Process, Settings]:
@@ -223,72 +200,9 @@ def _proper(model: Process, settings: Settings) -> tuple[Process, Settings]:
     return model, settings
 
 
-def _first_window(model: Process, settings: Settings) -> Array:
-    """Twelve times the slowest time constant of the loop with its dead time as a first-order Padé (L,) [s]."""
-    fields = (model.gain, model.dead_time, settings.kp, settings.ti, settings.td, settings.filter_time)
-    arrays = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (*fields, *model.lags)))
-    gain, dead_time, kp, ti, td, tf, *lags = (array.ravel() for array in arrays)
-    unit = np.asarray(dead_time + td + sum(lags))
-    unit = np.where(unit > 0, unit, np.where(np.isfinite(ti), ti, 1.0))  # times in this unit from here on
-    half, td, tf, *lags = (x / unit for x in (dead_time / 2, td, tf, *lags))
-    integral, one = np.isfinite(ti).astype(float), np.ones_like(gain)
-    reset = np.where(integral > 0, unit / ti, 1.0)
-    # polynomials (L, n) in s, ascending; a factor 1 stands in for the integral action that is not there
-    lead, roll = _product([reset, integral], [one, td if settings.form == "series" else tf]), [one, tf]
-    if settings.form != "series":
-        lead = lead + np.stack([0 * td, np.where(integral > 0, 0.0, td), np.where(integral > 0, td, 0.0)], -1)
-    poles = _product([1 - integral, integral], roll)
-    for lag in lags:
-        poles = _product(poles, [one, lag])
-    if model.process == INTEGRATING:
-        poles, gain = _product(poles, [0 * one, one]), gain * unit
-    closed = _product(poles, [one, half])
-    closed[:, :4] += (gain * kp)[:, np.newaxis] * _product(lead, [one, -half])
-    # the reversed polynomial has the times 1/s as roots: one of nothing does no harm there
-    size = closed.shape[1] - 1
-    companion = np.zeros((len(closed), size, size))
-    companion[:, np.arange(1, size), np.arange(size - 1)] = 1.0
-    companion[:, 0] = -closed[:, 1:] / closed[:, :1]
-    times = np.linalg.eigvals(companion)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slowest = np.nanmax(
-            np.where(np.abs(times) > 1e-9, np.abs(times) ** 2 / np.abs(times.real), 0.0), axis=1
-        )
-    shortest = 20 * (2 * half + sum(lags)) + 10 * td
-    window = np.maximum(shortest, WINDOW_TIME_CONSTANTS * np.where(np.isfinite(slowest), slowest, 0.0))
-    return np.asarray(np.where(window > 0, window, 1.0) * unit)
-
-
-def _product(one: Array | list[Array], other: Array | list[Array]) -> Array:
-    """Product of polynomials with coefficients (L, n) or as lists of columns (L,), ascending."""
-    a, b = (x if isinstance(x, np.ndarray) else np.stack(x, axis=-1) for x in (one, other))
-    total = np.zeros((len(a), a.shape[1] + b.shape[1] - 1))
-    for k in range(b.shape[1]):
-        total[:, k : k + a.shape[1]] += a * b[:, k : k + 1]
-    return total
-
-
-def _loop_speed(model: Process, settings: Settings, window: float | Array) -> Array:
-    """Highest frequency at which abs(L) is above 1 [rad/s], within the window's reach; window () or (L, 1)."""
-    omega = SWEEP / window
-    above = np.abs(model.frequency_response(omega) * settings.frequency_response(omega)) > 1
-    return np.asarray(np.where(above, omega, 1 / np.asarray(window)).max(axis=-1))
-
-
-def _points(
-    model: Process, settings: Settings, window: float | Array, step: float, least: int, most: int
-) -> int:
-    """Odd harmonics that all windows need: `1/step` samples a radian of the highest crossover, as the cap allows."""
-    fastest = _loop_speed(model, settings, window)
-    if np.all(np.asarray(model.t0) > 0):
-        fastest = np.maximum(fastest, 2 / np.asarray(model.t0))
-    wanted = np.max(np.ravel(window) * fastest) / step
-    return int(min(max(2.0 ** math.ceil(math.log2(max(wanted, 1.0))), least), most))
-
-
 def _square_wave(model: Process, settings: Settings, kind: str, window: float) -> tuple[Array, Array, Array]:
     """Time [s], PV and OP of one half period."""
-    count = _points(model, settings, window, 0.03, MIN_POINTS, MAX_POINTS)
+    count = points(model, settings, np.array([window]), 0.03, MIN_POINTS, MAX_POINTS)
     omega = np.arange(1, 2 * count, 2) * np.float64(math.pi / window)
     process, feedback = model.frequency_response(omega), settings.frequency_response(omega)
     closed = 1 / (1 + process * feedback)

@@ -1,33 +1,38 @@
 """How safe a loop is: peak sensitivity Ms, margins and stability, with exact dead time, for many loops.
 
-Stability needs no fine Nyquist curve: it is decided by the phase at the gain crossovers (see `_stable`).
+Stability needs no fine Nyquist curve: it is decided by the phase at the gain crossovers (see `_crossings`).
+The search is compiled; types are inferred by numba.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from tuners.loops import BEND, HIGH_LEVEL, LOG_POINTS, Loops, coefficients, grid, high_end, span
+from tuners.compiled import jit
+from tuners.loops import (
+    BEND,
+    HIGH_LEVEL,
+    LOG_POINTS,
+    coefficients,
+    geometric,
+    grid,
+    high_end,
+    magnitude2,
+    one_of,
+    parts,
+    phase,
+    span,
+)
 from tuners.models import Array, FloatOrArray, Process
 from tuners.settings import Settings
 
 PHASE_STEP = 0.35  # dead time turns the curve by omega theta: no step beyond this angle [rad]
-LINEAR_SIZES = (
-    0,
-    32,
-    64,
-    128,
-    256,
-    512,
-    1024,
-    4096,
-)  # points of the linear part; loops are grouped by what they need
+LINEAR_SIZES = (0, 32, 64, 128, 256, 512, 1024, 4096)  # points of the linear part
 MS_ACCURACY = 1e-3  # of Ms: abs(L) below this is of no account
-CHUNK_POINTS = 1 << 15  # points worked on at a time: a dozen arrays of them fit into the second-level cache
+MS, MT, GAIN, PHASE, DELAY, STABLE = range(6)  # columns of what is found
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,265 +61,238 @@ class Margins:
     stable: bool | np.ndarray
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Curve:
-    """L on its grid: frequencies (points, L), real and imaginary part."""
+@jit
+def _distance2(loop, omega, of):
+    """Squared abs(1 + L), or abs(1 + 1/L) where it is that ``of`` MT, at a frequency [rad/s]."""
+    re, im = parts(loop, omega)
+    d2 = (1.0 + re) ** 2 + im * im
+    return d2 / (re * re + im * im) if of == MT else d2
 
-    omega: Array
-    re: Array
-    im: Array
 
-
-def _least_distance(loops: Loops, curve: _Curve, inverse: bool) -> Array:
-    """Least abs(1 + L) over the grid, refined, or abs(1 + 1/L) with `inverse`; (L,)."""
-
-    def distance2(re: Array, im: Array) -> Array:
-        d2 = (1 + re) ** 2 + im * im
-        return d2 / (re * re + im * im) if inverse else d2
-
-    squared = distance2(curve.re, curve.im)
-    columns = np.arange(squared.shape[1])
-    best = np.sqrt(squared.min(axis=0))
+@jit
+def _least_distance(loop, omega, of):
+    """Least abs(1 + L) over the grid, refined, or abs(1 + 1/L) where it is that ``of`` MT."""
+    count = len(omega)
+    squared, least = np.empty(count), math.inf
+    for k in range(count):
+        squared[k] = _distance2(loop, omega[k], of)
+        least = min(least, squared[k])
+    best = math.sqrt(least)
     # Two peaks can be equally high within the grid's error: refine the two lowest local minima.
-    inner = squared[1:-1]
-    local = (inner <= squared[:-2]) & (inner <= squared[2:])
-    candidates = np.where(local, inner, np.inf)
-    rows, loop = [], []
-    for _ in range(2):
-        index = candidates.argmin(axis=0)
-        found = np.flatnonzero(np.isfinite(candidates[index, columns]))
-        rows.append(index[found] + 1)
-        loop.append(found)
-        candidates[index, columns] = np.inf
-    row, of = np.concatenate(rows), np.concatenate(loop)  # both refined at once
-    if of.size:
-        ends = np.log(curve.omega[row - 1, of]), np.log(curve.omega[row + 1, of])
-        np.minimum.at(best, of, _refine(loops.take(of), ends, distance2))
-    return np.asarray(best)
+    first = second = 0
+    for k in range(1, count - 1):
+        if squared[k] <= squared[k - 1] and squared[k] <= squared[k + 1]:
+            if first == 0 or squared[k] < squared[first]:
+                first, second = k, first
+            elif second == 0 or squared[k] < squared[second]:
+                second = k
+    for k in (first, second):
+        if k > 0:
+            low, high = math.log(omega[k - 1]), math.log(omega[k + 1])
+            best = min(best, _refine(loop, low, high, of))
+    return best
 
 
-def _refine(loops: Loops, ends: tuple[Array, Array], distance2: Callable[[Array, Array], Array]) -> Array:
-    """Least distance between two log frequencies: two rounds of nine points, then a parabola; (L,)."""
-    low, high = ends
-    columns = np.arange(low.size)
-    share = np.linspace(0.0, 1.0, 9)[:, np.newaxis]
+@jit
+def _refine(loop, low, high, of):
+    """Least distance between two log frequencies: two rounds of nine points, then a parabola."""
+    squared, index = np.empty(9), 0
     for _ in range(2):
-        squared = distance2(*loops.parts(np.exp(low + share * (high - low))))
-        index = np.clip(squared.argmin(axis=0), 1, 7)
+        index = 0
+        for k in range(9):
+            squared[k] = _distance2(loop, math.exp(low + k / 8 * (high - low)), of)
+            index = k if squared[k] < squared[index] else index
+        lowest = squared[index]
+        index = min(max(index, 1), 7)
         step = (high - low) / 8
         low, high = low + (index - 1) * step, low + (index + 1) * step
-    left, middle, right = (squared[index + i, columns] for i in (-1, 0, 1))
-    bend = left - 2 * middle + right
-    slope = left - right
-    drop = np.divide(slope * slope, 8 * bend, out=np.zeros_like(bend), where=bend > 0)
+    left, middle, right = squared[index - 1], squared[index], squared[index + 1]
+    bend, slope = left - 2.0 * middle + right, left - right
+    drop = slope * slope / (8.0 * bend) if bend > 0.0 else 0.0
     # The parabola may dip below 0 where the curve runs through -1: there the nearest point counts.
-    lowest = squared.min(axis=0)
-    return np.asarray(np.sqrt(np.where(middle - drop > 0, np.minimum(middle - drop, lowest), lowest)))
+    return math.sqrt(min(middle - drop, lowest) if middle - drop > 0.0 else lowest)
 
 
-def _gain_crossovers(loops: Loops, omega: Array) -> tuple[np.ndarray, Array, np.ndarray]:
-    """Where abs(L) = 1: loop number, frequency [rad/s], and +1 for falling or -1 for rising gain."""
-    excess = loops.magnitude2(omega) > 1
-    row, loop = np.nonzero(excess[:-1] != excess[1:])
-    picked = loops.take(loop)
-    low, high = np.log(omega[row, loop]), np.log(omega[row + 1, loop])
-    falling = excess[row, loop]
-    f_low, f_high = (np.log(picked.magnitude2(np.exp(x))) for x in (low, high))
-    was_low = was_high = np.zeros(loop.size, dtype=bool)
+@jit
+def _crossing(loop, low, high, falling):
+    """Frequency between two where abs(L) = 1 [rad/s]; ``falling``: from above."""
+    low, high = math.log(low), math.log(high)
+    f_low, f_high = math.log(magnitude2(loop, math.exp(low))), math.log(magnitude2(loop, math.exp(high)))
+    was_low = was_high = False
+    middle = low
     for _ in range(60):  # Illinois variant of the false position: keeps the bracket, converges fast
         middle = (low * f_high - high * f_low) / (f_high - f_low)
-        f = np.log(picked.magnitude2(np.exp(middle)))
-        if not f.size or np.max(np.abs(f)) < 1e-11:
+        f = math.log(magnitude2(loop, math.exp(middle)))
+        if abs(f) < 1e-11:
             break
-        up = (f > 0) == falling  # the crossing lies above: the lower end moves
-        f_low, f_high = (
-            np.where(up, f, np.where(was_high, f_low / 2, f_low)),
-            np.where(up, np.where(was_low, f_high / 2, f_high), f),
-        )
-        low, high = np.where(up, middle, low), np.where(up, high, middle)
-        was_low, was_high = up, ~up
-    return loop, np.exp(middle), np.where(falling, 1, -1)
+        if (f > 0.0) == falling:  # the crossing lies above: the lower end moves
+            low, f_low, f_high = middle, f, f_high / 2 if was_low else f_high
+            was_low, was_high = True, False
+        else:
+            high, f_low, f_high = middle, f_low / 2 if was_high else f_low, f
+            was_low, was_high = False, True
+    return math.exp(middle)
 
 
-def _stable(loops: Loops, crossings: tuple[np.ndarray, Array, np.ndarray], end: Array) -> np.ndarray:
-    """Nyquist count from the phase at the gain crossovers; (L,), bool.
+@jit
+def _crossings(loop, omega):
+    """Count the turns at the gain crossovers, and find the least phase margin [degrees] and delay margin [s] over them.
 
-    L has no poles in the right half plane, so the loop is stable if arg(1 + L) turns by n pi/2 from
-    omega = 0+ to infinity, which makes it end at 0. While abs(L) > 1, arg(1 + L) stays within pi/2 of the
-    phase of L; while abs(L) < 1, within pi/2 of the multiple of 2 pi to which it has fallen. So the turns
-    at falling crossovers less those at rising ones must vanish.
+    The Nyquist count from the phase there: L has no poles in the right half plane, so the loop is stable if
+    arg(1 + L) turns by n pi/2 from omega = 0+ to infinity, which makes it end at 0. While abs(L) > 1, arg(1 + L)
+    stays within pi/2 of the phase of L; while abs(L) < 1, within pi/2 of the multiple of 2 pi to which it has
+    fallen. So the turns at falling crossovers less those at rising ones must vanish.
     """
-    loop, omega, direction = crossings
-    turns = np.floor((loops.take(loop).phase(omega) + math.pi) / (2 * math.pi))
-    count = np.zeros(loops.g.size)
-    np.add.at(count, loop, direction * turns)
-    stable = count == 0
-    # Positive feedback: hopeless with an integrator or a gain above 1 at rest.
-    stable &= (loops.g > 0) | ((loops.n == 0) & (np.abs(loops.g) < 1))
-    stable &= (loops.g != 0) | (loops.n == 0)
-    # A gain that never falls below 1 turns for ever with dead time; without, it ends in phase.
-    stable &= (end < 1) | (loops.dead_time == 0)
-    return np.asarray(stable)
+    turns, least_phase, least_delay = 0.0, math.inf, math.inf
+    above = magnitude2(loop, omega[0]) > 1.0
+    for k in range(1, len(omega)):
+        was, above = above, magnitude2(loop, omega[k]) > 1.0
+        if was == above:
+            continue
+        at = _crossing(loop, omega[k - 1], omega[k], was)
+        angle = phase(loop, at) + math.pi
+        whole = math.floor(angle / (2.0 * math.pi))
+        turns += whole if was else -whole
+        rest = angle - 2.0 * math.pi * whole
+        least_phase = min(least_phase, math.degrees(min(rest, 2.0 * math.pi - rest)))
+        least_delay = min(least_delay, rest / at)
+    return turns, least_phase, least_delay
 
 
-def _final_gain(loops: Loops) -> Array:
+@jit
+def _final_gain(loop):
     """Return abs(L) at infinite frequency: 0 unless nothing rolls the loop off; inf for improper loops."""
-    power = np.where(loops.a2 > 0, 2, np.where(loops.a1 > 0, 1, 0)) - loops.n - (loops.lags > 0).sum(axis=0)
-    lead = np.where(loops.a2 > 0, loops.a2, np.where(loops.a1 > 0, loops.a1, 1.0))
-    flat = np.abs(loops.g) * lead / np.prod(np.where(loops.lags > 0, loops.lags, 1.0), axis=0)
-    return np.where(power > 0, np.inf, np.where(power == 0, flat, 0.0))
+    power = (2.0 if loop.a2 > 0.0 else 1.0 if loop.a1 > 0.0 else 0.0) - loop.n
+    flat = abs(loop.g) * (loop.a2 if loop.a2 > 0.0 else loop.a1 if loop.a1 > 0.0 else 1.0)
+    for lag in loop.lags:
+        if lag > 0.0:
+            power, flat = power - 1.0, flat / lag
+    return math.inf if power > 0.0 else flat if power == 0.0 else 0.0
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Found:
-    """Figures of one group of loops; each (L,)."""
-
-    ms: Array
-    mt: Array
-    gain_margin: Array
-    phase_margin: Array
-    delay_margin: Array
-    stable: np.ndarray
-
-
-def _nothing_found(count: int) -> _Found:
-    ms, mt, gain_margin, phase_margin, delay_margin = np.full((5, count), math.nan)
-    return _Found(ms, mt, gain_margin, phase_margin, delay_margin, np.zeros(count, dtype=bool))
+@jit
+def _linear_points(loop, high):
+    """Return the points of the grid's linear part that the loop's dead time asks for."""
+    angle = high * loop.dead_time - BEND
+    needed = angle / PHASE_STEP if angle > 3.0 else 0.0
+    for size in LINEAR_SIZES:
+        if size >= needed:
+            return size
+    return LINEAR_SIZES[-1]
 
 
-def _groups(loops: Loops, high: Array) -> list[tuple[int, np.ndarray]]:
-    """Loops by the number of linear points that their dead time asks for: (points, loop numbers)."""
-    angle = high * loops.dead_time - BEND
-    needed = np.where(angle > 3, angle / PHASE_STEP, 0)
-    group = np.minimum(np.searchsorted(LINEAR_SIZES, needed), len(LINEAR_SIZES) - 1)
-    result = []
-    for size in np.unique(group):
-        members = np.flatnonzero(group == size)
-        chunk = max(1, CHUNK_POINTS // (LOG_POINTS + LINEAR_SIZES[size]))
-        parts = np.array_split(members, math.ceil(members.size / chunk))
-        result += [(LINEAR_SIZES[size], part) for part in parts]
-    return result
-
-
-def _needed(loops: Loops, low: Array, high: Array, full: bool) -> Array:
+@jit
+def _needed(loop, low, high, full):
     """Highest frequency [rad/s] that can matter for Ms, after a first look below one turn of the dead time.
 
     What has been seen there is a lower bound of Ms: beyond the frequency where abs(L) falls below 1 - 1/Ms
     nothing can surpass it.
     """
-    index = np.flatnonzero(high * loops.dead_time > BEND + 3)
-    if not index.size:
+    if not high * loop.dead_time > BEND + 3.0:
         return high
-    turning, trimmed = loops.take(index), high.copy()
-    re, im = turning.parts(grid(turning, low[index], BEND / turning.dead_time, 0)[::2])
-    seen = np.sqrt(((1 + re) ** 2 + im * im).min(axis=0))
+    seen = math.inf
+    for k in range(0, LOG_POINTS, 2):
+        re, im = parts(loop, geometric(low, BEND / loop.dead_time, k))
+        seen = min(seen, (1.0 + re) ** 2 + im * im)
     # The margins are exact down to the same level of abs(L) as everywhere.
-    level = np.clip(1 - seen, MS_ACCURACY, HIGH_LEVEL if full else 0.9)
-    end = high_end(turning, level)
+    level = min(max(1.0 - math.sqrt(seen), MS_ACCURACY), HIGH_LEVEL if full else 0.9)
     # The bound is generous; abs(L) itself, which is smooth out there, says how far it really is.
-    steps = grid(turning, 5 / turning.dead_time, end, 0)[::4]
-    above = turning.magnitude2(steps) > (0.9 * level) ** 2
-    last = np.where(above.any(axis=0), len(steps) - 1 - above[::-1].argmax(axis=0), 0)
-    trimmed[index] = steps[np.minimum(last + 1, len(steps) - 1), np.arange(index.size)]
-    return trimmed
+    first, end = 5.0 / loop.dead_time, high_end(loop, level)
+    k = LOG_POINTS - 4
+    while k > 0 and not magnitude2(loop, geometric(first, end, k)) > (0.9 * level) ** 2:
+        k -= 4
+    return geometric(first, end, min(k + 4, LOG_POINTS - 4))
 
 
-def _tail(loops: Loops, high: Array, omega: Array, final: Array) -> Array:
-    """Least abs(1 + L) beyond the grid (L,): with dead time the curve turns, so 1 - abs(L) is reached."""
-    last = np.sqrt(loops.magnitude2(omega[-1]))
-    beyond = np.where(omega[-1] < high * (1 - 1e-9), last, 0.0)
-    turning = np.where(loops.dead_time > 0, np.maximum(beyond, final), 0.0)
-    return np.asarray(np.maximum(1 - turning, 0.0))
+@jit
+def _tail(loop, high, top, final):
+    """Least abs(1 + L) beyond the grid: with dead time the curve turns, so 1 - abs(L) is reached."""
+    if not loop.dead_time > 0.0:
+        return 1.0
+    beyond = math.sqrt(magnitude2(loop, top)) if top < high * (1.0 - 1e-9) else 0.0
+    return max(1.0 - max(beyond, final), 0.0)
 
 
-@np.errstate(divide="ignore", over="ignore", under="ignore", invalid="ignore")
-def _analyse(loops: Loops, full: bool) -> _Found:
-    """Ms, and with `full` the margins, of loops (L,); infinities and NaN on the way are meant."""
-    count = loops.g.size
-    out = _nothing_found(count)
-    known = np.isfinite(loops.g + loops.a1 + loops.a2 + loops.dead_time + loops.lags.sum(axis=0))
-    low, high = span(loops)
-    high = _needed(loops, low, high, full)
-    final = _final_gain(loops)
-    idle = known & (loops.g == 0)
-    index = np.flatnonzero(known & ~idle)
-    active = loops.take(index)
-    for linear, members in _groups(active, high[index]) if index.size else ():
-        rows = index[members]
-        _analyse_group(loops.take(rows), low[rows], high[rows], final[rows], linear, full, out, rows)
-    out.stable[idle] = loops.n[idle] == 0
-    out.ms[idle] = np.where(out.stable[idle], 1.0, np.inf)
-    out.mt[idle] = np.where(out.stable[idle], 0.0, np.inf)
-    out.gain_margin[idle] = out.phase_margin[idle] = out.delay_margin[idle] = np.where(
-        out.stable[idle], np.inf, np.nan
-    )
-    return out
+@jit
+def _gain_margin(loop, omega, final):
+    """Factor on the gain up to the first crossing of -180 degrees at -1; inf without one."""
+    largest = min(final, 1.0) if loop.dead_time > 0.0 else 0.0
+    turn = math.floor((phase(loop, omega[0]) + math.pi) / (2.0 * math.pi))
+    for k in range(1, len(omega)):
+        was, turn = turn, math.floor((phase(loop, omega[k]) + math.pi) / (2.0 * math.pi))
+        if turn == was:
+            continue
+        target = 2.0 * math.pi * max(turn, was) - math.pi
+        low, high = omega[k - 1], omega[k]
+        for _ in range(50):
+            middle = (low + high) / 2.0
+            if (phase(loop, middle) < target) == (was > turn):
+                high = middle
+            else:
+                low = middle
+        size = math.sqrt(magnitude2(loop, high))
+        if size < 1.0:
+            largest = max(largest, size)
+    return 1.0 / largest
 
 
-def _analyse_group(
-    loops: Loops,
-    low: Array,
-    high: Array,
-    final: Array,
-    linear: int,
-    full: bool,
-    out: _Found,
-    rows: np.ndarray,
-) -> None:
-    """Write the figures of loops that share a size of grid into `out` at `rows`."""
-    top = high
+@jit
+def _without_gain(loop, known, out):
+    """Write the figures (6,) of a loop whose gain is 0, which is stable but for integrators, or that is not known."""
+    for k in range(STABLE):
+        out[k] = math.nan
+    out[STABLE] = 0.0
+    if known and loop.g == 0.0:
+        out[MS], out[MT] = math.inf, math.inf
+        if loop.n == 0:
+            out[MS], out[MT], out[GAIN], out[PHASE], out[DELAY] = 1.0, 0.0, math.inf, math.inf, math.inf
+            out[STABLE] = 1.0
+
+
+@jit
+def _analyse_one(loop, full, out):
+    """Write a loop's figures (6,), the margins with ``full`` alone."""
+    total = loop.g + loop.a1 + loop.a2 + loop.dead_time
+    for lag in loop.lags:
+        total += lag
+    _without_gain(loop, math.isfinite(total), out)
+    if loop.g == 0.0 or not math.isfinite(total):
+        return
+    low, high = span(loop)
+    high, final = _needed(loop, low, high, full), _final_gain(loop)
+    linear, top = _linear_points(loop, high), high
     if linear == LINEAR_SIZES[-1]:
         # Thousands of turns: the rest is left to the tail.
-        top = np.minimum(high, (BEND + linear * PHASE_STEP) / loops.dead_time)
-    omega = grid(loops, low, top, linear)
-    curve = _Curve(omega, *loops.parts(omega))
-    # Crossovers beyond the grid decide about stability too; the magnitude alone is cheap to follow there.
+        top = min(high, (BEND + linear * PHASE_STEP) / loop.dead_time)
+    omega = grid(loop, low, top, linear)
     beyond = omega
-    if np.any(top < high):
-        more = np.exp(np.linspace(0.0, 1.0, LOG_POINTS)[1:, np.newaxis] * np.log(high / top)) * top
-        beyond = np.concatenate([omega, more])
-    crossings = _gain_crossovers(loops, beyond)
-    stable = _stable(loops, crossings, final)
-    tail = _tail(loops, high, omega, final)
-    out.ms[rows] = np.where(
-        stable, np.maximum(1.0, 1 / np.minimum(_least_distance(loops, curve, False), tail)), np.inf
-    )
-    out.stable[rows] = stable
-    if not full:
+    if top < high:
+        # Crossovers beyond the grid decide about stability too; the magnitude alone is cheap to follow there.
+        beyond = np.empty(len(omega) + LOG_POINTS - 1)
+        for k in range(len(beyond)):
+            beyond[k] = omega[k] if k < len(omega) else geometric(top, high, k - len(omega) + 1)
+    turns, phase_margin, delay_margin = _crossings(loop, beyond)
+    # Positive feedback is hopeless with an integrator or a gain above 1 at rest; a gain that never falls below 1 turns
+    # for ever with dead time; without, it ends in phase.
+    stable = turns == 0.0 and (loop.g > 0.0 or (loop.n == 0 and abs(loop.g) < 1.0))
+    if not stable or not (final < 1.0 or loop.dead_time == 0.0):
+        out[MS], out[MT] = math.inf, math.inf
         return
-    out.mt[rows] = np.where(stable, 1 / _least_distance(loops, curve, True), np.inf)
-    phase, delay = _phase_margins(loops, crossings)
-    out.phase_margin[rows] = np.where(stable, phase, np.nan)
-    out.delay_margin[rows] = np.where(stable, delay, np.nan)
-    out.gain_margin[rows] = np.where(stable, _gain_margin(loops, omega, final), np.nan)
+    out[STABLE] = 1.0
+    for of in range(MS, MT + 1 if full else MT):  # a number that is no constant: compiled once
+        out[of] = 1.0 / _least_distance(loop, omega, of)
+    out[MS] = max(1.0, out[MS], 1.0 / _tail(loop, high, omega[-1], final))
+    if full:
+        out[GAIN], out[PHASE], out[DELAY] = _gain_margin(loop, omega, final), phase_margin, delay_margin
 
 
-def _phase_margins(loops: Loops, crossings: tuple[np.ndarray, Array, np.ndarray]) -> tuple[Array, Array]:
-    """Phase margin [degrees] and delay margin [s], the least over all gain crossovers; (L,)."""
-    loop, omega, _ = crossings
-    above = np.mod(loops.take(loop).phase(omega) + math.pi, 2 * math.pi)
-    phase, delay = np.full(loops.g.size, np.inf), np.full(loops.g.size, np.inf)
-    np.minimum.at(phase, loop, np.degrees(np.minimum(above, 2 * math.pi - above)))
-    np.minimum.at(delay, loop, above / omega)
-    return phase, delay
-
-
-def _gain_margin(loops: Loops, omega: Array, final: Array) -> Array:
-    """Factor on the gain up to the first crossing of -180 degrees at -1; inf without one; (L,)."""
-    turn = np.floor((loops.phase(omega) + math.pi) / (2 * math.pi))
-    row, loop = np.nonzero(turn[:-1] != turn[1:])
-    picked = loops.take(loop)
-    target = 2 * math.pi * np.maximum(turn[row, loop], turn[row + 1, loop]) - math.pi
-    low, high = omega[row, loop], omega[row + 1, loop]
-    falling = turn[row, loop] > turn[row + 1, loop]
-    for _ in range(50):
-        middle = (low + high) / 2
-        passed = (picked.phase(middle) < target) == falling
-        low, high = np.where(passed, low, middle), np.where(passed, middle, high)
-    size = np.sqrt(picked.magnitude2(high))
-    largest = np.where(loops.dead_time > 0, np.minimum(final, 1.0), 0.0)
-    np.maximum.at(largest, loop, np.where(size < 1, size, 0.0))
-    return np.asarray(1 / largest)
+@jit
+def _analyse(loops, full):
+    """Return the figures of loops (L, 6)."""
+    out = np.empty((len(loops.g), 6))
+    for k in range(len(out)):
+        _analyse_one(one_of(loops, k), full, out[k])
+    return out
 
 
 def peak_sensitivity(model: Process, settings: Settings) -> FloatOrArray:
@@ -341,7 +319,7 @@ def peak_sensitivity(model: Process, settings: Settings) -> FloatOrArray:
     inf
     """
     loops, shape = coefficients(model, settings)
-    ms = _analyse(loops, full=False).ms
+    ms: Array = _analyse(loops, False)[:, MS]
     return float(ms[0]) if shape == () else ms.reshape(shape)
 
 
@@ -366,16 +344,17 @@ def margins(model: Process, settings: Settings) -> Margins:
     'GM 2.96, PM 46.9 degrees, DM 6.36 s'
     """
     loops, shape = coefficients(model, settings)
-    found = _analyse(loops, full=True)
+    found: Array = _analyse(loops, True)
 
-    def shaped(figure: Array) -> FloatOrArray:
-        return float(figure[0]) if shape == () else figure.reshape(shape)
+    def shaped(column: int) -> FloatOrArray:
+        return float(found[0, column]) if shape == () else found[:, column].reshape(shape)
 
+    stable = found[:, STABLE] == 1.0
     return Margins(
-        shaped(found.ms),
-        shaped(found.mt),
-        shaped(found.gain_margin),
-        shaped(found.phase_margin),
-        shaped(found.delay_margin),
-        bool(found.stable[0]) if shape == () else found.stable.reshape(shape),
+        shaped(MS),
+        shaped(MT),
+        shaped(GAIN),
+        shaped(PHASE),
+        shaped(DELAY),
+        bool(stable[0]) if shape == () else stable.reshape(shape),
     )

@@ -16,13 +16,14 @@ from monitor.assess.tuning import MS_MARGIN_RATIO
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Array
 from monitor.identify.misfit import ModelError
-from tuners.loops import coefficients, span
+from tuners.loops import coefficients
 from tuners.models import Model
 from tuners.settings import Settings
 
 from .evidence import Evidence
 from .region import nominal, worst_peaks
 from .stages import stacked
+from .worst_case import last_crossovers
 
 Flags = NDArray[np.bool_]
 """(T,) of settings."""
@@ -59,8 +60,6 @@ LITTLE_MORE_RATIO = 1.2
 """Gain on trial: where it lowers Ms the loop swings for want of gain, by too much integral action."""
 SAFER_SHARE = 0.9
 """Share of today's Ms below which settings that are no good are at least better."""
-CROSSOVER_POINTS = 160
-"""Frequencies at which a crossover is looked for: 4 to 5 decades at 6 % a step."""
 OTHER_KIND, MISFIT, NOT_EXCITED, LOADS_ALONE, IN_PARTS, NEAR_THE_EDGE, FAR_SLOWER = (
     "the events do not exclude the other kind of process",
     "the model leaves more unexplained than noise does",
@@ -265,19 +264,5 @@ class Guards:
 
 def crossovers(model: Model, many: list[Settings]) -> list[float]:
     """Return the last frequency at which abs(L) = 1, for each of the settings; 0 where there is none [rad/s]."""
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        loops, _ = coefficients(model, stacked(many))
-        low, high = span(loops)
-        omega = np.exp(np.linspace(np.log(low), np.log(high), CROSSOVER_POINTS))
-        size = 0.5 * np.log(loops.magnitude2(omega))
-    found = []
-    for x, y in zip(np.log(omega).T, size.T, strict=True):
-        above = np.flatnonzero(y > 0.0)
-        if not len(above):
-            found.append(0.0)
-        elif above[-1] == len(y) - 1:
-            found.append(math.inf)
-        else:
-            k = above[-1]
-            found.append(float(np.exp(x[k] + (x[k + 1] - x[k]) * y[k] / (y[k] - y[k + 1]))))
+    found: list[float] = last_crossovers(coefficients(model, stacked(many))[0]).tolist()
     return found

@@ -23,6 +23,8 @@ LEAST_LAG_S = 1e-9
 """The resolution of all times: a lag below it is none, and has no ratio [s]."""
 LAG_SEEN_SD = 2.0
 """Sigmas from 0 from which a self-regulating process's lag is not in doubt."""
+WAYS = np.array([np.array(s) / np.linalg.norm(s) for s in product((-1.0, 0.0, 1.0), repeat=3) if any(s)])
+"""Axes, edges and corners of a cube: 26 directions of length 1."""
 
 
 def uncertain_models(fit: Fit, period: float) -> Model:
@@ -50,12 +52,10 @@ def uncertain_models(fit: Fit, period: float) -> Model:
     # of no unit, so that seconds and minutes agree
     values, vectors = np.linalg.eigh(cov / np.outer(scale, scale))
     axes = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    signs = [np.array(s) for s in product((-1.0, 0.0, 1.0), repeat=3) if any(s)]
-    directions = [s / np.linalg.norm(s) for s in signs]  # axes, edges and corners: 26 ways
     beside_lag = cov - np.outer(cov[1], cov[1]) / scale[1] ** 2
     at_lag = [sign * math.sqrt(max(beside_lag[k, k], 0.0)) * np.eye(3)[k] for k in (0, 2) for sign in (-1, 1)]
     extremes = [sign * cov[k] / scale[k] for k in range(3) for sign in (-1, 1)]
-    offsets = RADIUS_SD * np.array([np.zeros(3), *(d @ axes.T for d in directions), *at_lag, *extremes])
+    offsets = RADIUS_SD * np.array([np.zeros(3), *(WAYS @ axes.T), *at_lag, *extremes])
     gain, lag, dead_time = (x[:, None] for x in _inside(fit, offsets))
     if fit.process == INTEGRATING:
         return with_hold_delay(IntegratingModel(gain, dead_time, lag), more)
@@ -80,8 +80,7 @@ def _along(fit: Fit, valley: Valley) -> Model:
     scale = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     values, vectors = np.linalg.eigh(cov / np.outer(scale, scale))
     axes = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    signs = [np.array(s) for s in product((-1.0, 0.0, 1.0), repeat=3) if any(s)]
-    directions = np.array([np.zeros(3), *(s / np.linalg.norm(s) @ axes.T for s in signs)])
+    directions = np.array([np.zeros(3), *(WAYS @ axes.T)])
     offsets = np.sqrt(RADIUS_SD**2 - deficit)[:, None, None] * directions
     times = models[:, None, 1:3]
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from monitor.compiled import jit
 from monitor.contract.samples import Array
+from tuners.loops import magnitude2, one_of, span
 
 FREQUENCY_STEP_SHARE = 0.08
 """Step of the frequency as a share of it: a parabola through three points finds the peak to 0.1 %."""
@@ -24,6 +25,9 @@ LOWEST_LOOP_GAIN = 30.0
 """abs(L) at the lowest frequency: below it abs(S) is under 1/29."""
 NEGLIGIBLE_LOOP_GAIN = 0.05
 """abs(L) that is not followed further."""
+
+CROSSOVER_POINTS = 160
+"""Frequencies at which a crossover is looked for: 4 to 5 decades at 6 % a step."""
 
 
 @jit
@@ -177,4 +181,24 @@ def first_safe(
                 low = middle
             middle = (low + high) // 2
         found[r] = high
+    return found
+
+
+@jit
+def last_crossovers(loops):
+    """Return the last frequency at which abs(L) = 1, for each of the `Loops` (L,); 0 where there is none [rad/s]."""
+    found = np.empty(len(loops.g))
+    for k in range(len(found)):
+        loop = one_of(loops, k)
+        low, high = span(loop)
+        first, step = math.log(low), (math.log(high) - math.log(low)) / (CROSSOVER_POINTS - 1)
+        found[k], at, size = math.inf, math.log(high), 0.5 * math.log(magnitude2(loop, high))
+        for j in range(CROSSOVER_POINTS - 2 if size <= 0.0 else -1, -1, -1):
+            was, beyond = size, at
+            at = first + j * step
+            size = 0.5 * math.log(magnitude2(loop, math.exp(at)))
+            if size > 0.0:
+                found[k] = math.exp(at + (beyond - at) * size / (size - was))
+                break
+            found[k] = 0.0
     return found

@@ -28,6 +28,7 @@ from monitor.identify.misfit import ModelError, model_error
 from monitor.identify.outliers import without_outliers
 from monitor.identify.tail import is_tail
 from monitor.identify.working_setpoint import working_setpoint
+from monitor.median import quantile
 from tuners.models import Model
 
 from .damping import is_damped
@@ -200,7 +201,7 @@ def _figures(loop: Loop, event: ClosedEvent, of: Fit | None, model: Model | None
 def _levels(event: ClosedEvent) -> tuple[Range, Range]:
     """Return between which values OP and PV were for most of the time, and where they came from."""
     op, pv = (values[event.window.before :] for values in (event.window.op, event.window.pv))
-    ends = ((*np.quantile(values, (0.1, 0.9)), values[0]) for values in (op, pv))
+    ends = ((*quantile(values, 0.1, 0.9), values[0]) for values in (op, pv))
     return tuple((float(min(each)), float(max(each))) for each in ends)  # type: ignore[return-value]
 
 

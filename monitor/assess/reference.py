@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -139,14 +140,14 @@ def reference_iae(
         return _load_iae(reduced_model, time, size) if integral else math.nan
     if isinstance(reduced_model, SelfRegulatingModel):
         quick = float(reduced_model.lag) <= 4.0 * time
-        return size * time if quick and b == 1.0 else _simulated(size, reduced_model, "pi", tc, b, c)
+        return size * time if quick and b == 1.0 else size * _simulated(reduced_model, "pi", tc, b, c)
     if not integral:
         return size * time
     if b == 0.0 and c == 0.0:
         return size * (4.0 * time + float(reduced_model.lag))
     if b == 1.0 and (c == 1.0 or structure == "pi"):
         return size * (float(reduced_model.dead_time) + 4.0 * time / math.e)
-    return _simulated(size, reduced_model, structure, tc, b, c)
+    return size * _simulated(reduced_model, structure, tc, b, c)
 
 
 def reference_error_along(
@@ -189,6 +190,8 @@ def _load_iae(model: Model, time: float, size: float) -> float:
     return gain * time * size if lag <= 4.0 * time else 4.0 * gain * time**2 * size / lag
 
 
-def _simulated(size: float, model: Model, structure: str, tc: float, b: float, c: float) -> float:
+@lru_cache(maxsize=256)
+def _simulated(model: Model, structure: str, tc: float, b: float, c: float) -> float:
+    """Return the IAE [s] of the reference after a unit set-point step; an event asks for the same one several times."""
     settings = replace(reference_settings(model, structure, tc), b=b, c=c)
-    return size * float(step_figures(model, settings).iae_setpoint[0])
+    return float(step_figures(model, settings).iae_setpoint[0])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
-from monitor.median import median
+from monitor.median import median, quantile
 
 LEAST_ROWS = 24
 """Rows below which nothing is said of a controller."""
@@ -158,7 +158,7 @@ def scan_rows(op: Array) -> tuple[int, int]:
     if np.count_nonzero(gaps == 1) > 1.0 + LEAST_GAP_SHARE * (len(gaps) - 1):
         return 1, 0  # the quantile is 1
     # a rounded OP rests between its moves, too, but keeps no time
-    for step in range(min(int(np.quantile(gaps, LEAST_GAP_SHARE)), MOST_SCAN_ROWS), 1, -1):
+    for step in range(min(int(quantile(gaps, LEAST_GAP_SHARE)[0]), MOST_SCAN_ROWS), 1, -1):
         phases = np.bincount(at % step, minlength=step)
         best = int(np.argmax(phases))
         if len(at) - phases[best] <= OFF_SCAN_SHARE * len(at):

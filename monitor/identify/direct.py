@@ -145,26 +145,33 @@ def _fitted(window: EventWindow, look: _Look, rival: Fit | None, *, other_loads:
     model = (best.gain, float(p[P_LAG]), float(p[P_DEAD_TIME]), float(p[P_LAG] * p[P_SHARE]))
     wander = wander_of(w)
     fit = with_uncertainty(process, model, window.time, window.pv, found.residual, best.scatter, w.period)
-    fit = replace(
-        fit, log_likelihood=found.log_likelihood, n_eff=found.n_eff, valley=best.valley, wander=wander
+    started, load = look.window.points.shape == START, look.window.load
+    other, floor = (None if wander is not None else found.other), fit.floor
+    if wander is not None or other is not None:
+        floor = floor * OTHER_LOAD_FLOOR_RATIOS
+        floor[0] += OTHER_LOAD_LN_GAIN_SD**2 if other is not None and process == SELF_REGULATING else 0.0
+    return replace(
+        fit,
+        log_likelihood=found.log_likelihood,
+        n_eff=found.n_eff,
+        valley=best.valley,
+        wander=wander,
+        leaves_more=found.leaves_more,
+        start=best.load if started and found.other is None else 0.0,
+        other=other,
+        floor=floor,
+        size=best.load / best.gain if load and wander is None else None,
+        onset=float(p[P_ONSET]) if load and wander is None else None,
     )
-    started = look.window.points.shape == START and found.other is None
-    fit = replace(fit, leaves_more=found.leaves_more, start=best.load if started else 0.0)
-    if wander is not None:
-        return replace(fit, floor=fit.floor * OTHER_LOAD_FLOOR_RATIOS)
-    if found.other is not None:
-        floor = fit.floor * OTHER_LOAD_FLOOR_RATIOS
-        floor[0] += OTHER_LOAD_LN_GAIN_SD**2 if process == SELF_REGULATING else 0.0
-        fit = replace(fit, other=found.other, floor=floor)
-    return replace(fit, size=best.load / best.gain, onset=float(p[P_ONSET])) if look.window.load else fit
 
 
 def model_response(window: EventWindow, fit: Fit) -> Array:
     """PV as the model gives it from the window's OP, offset (and slope, if integrating) fitted; (n,) [PV]."""
     t, kind = window.time, 0 if fit.process == INTEGRATING else 1
     x = np.sum(parts_of_pv(window, fit), axis=0)
-    rest = np.polynomial.polynomial.polyfit(t, window.pv - x, 1 if kind == 0 else 0)
-    return np.asarray(x + np.polynomial.polynomial.polyval(t, rest), dtype=np.float64)
+    rest, age = window.pv - x, t - np.mean(t)
+    slope = float(age @ rest / (age @ age)) if kind == 0 else 0.0
+    return np.asarray(x + np.mean(rest) + slope * age, dtype=np.float64)
 
 
 def parts_of_pv(window: EventWindow, fit: Fit) -> list[Array]:

@@ -1,4 +1,4 @@
-"""The median is NumPy's, of any column."""
+"""Median and quantiles are NumPy's, of any column."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from monitor.median import median
+from monitor.median import median, quantile
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 10, 501])
@@ -24,3 +24,10 @@ def test_a_missing_value_or_none_has_none() -> None:
     """As NumPy's, but without a warning where there are no values."""
     assert math.isnan(median([1.0, math.nan, 2.0]))
     assert math.isnan(median(np.zeros(0)))
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 10, 501])
+def test_quantiles_are_those_of_numpy(n: int) -> None:
+    values, shares = np.random.default_rng(n).normal(size=n), (0.0, 0.1, 0.3, 0.5, 0.77, 0.9, 1.0)
+    assert quantile(values, *shares) == np.quantile(values, shares).tolist()
+    assert all(map(math.isnan, quantile([1.0, math.nan, 2.0], 0.1, 0.9)))

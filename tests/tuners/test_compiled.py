@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from monitor import compiled
-from monitor.compiled import fingerprint
 from monitor.detect import kernel
 from tests.support.places import ROOT
+from tuners import compiled
+from tuners.compiled import fingerprint
 
 LIMITS = "LIMIT = {limit}\n"
-CALLEE = """from monitor.compiled import jit
+CALLEE = """from tuners.compiled import jit
 from .limits import (
     LIMIT,
 )
@@ -23,14 +23,14 @@ from .limits import (
 def twice(x):
     return {factor} * x + LIMIT
 """
-CALLER = """from monitor.compiled import jit
-from monitor.parts import callee
+CALLER = """from tuners.compiled import jit
+from tuners.parts import callee
 twice = callee.twice
 @jit
 def run(x):
     return twice(x)
 """
-PROGRAM = "from monitor import caller; print(caller.run(3.0), sum(caller.run.stats.cache_hits.values()))"
+PROGRAM = "from tuners import caller; print(caller.run(3.0), sum(caller.run.stats.cache_hits.values()))"
 
 
 def run(folder: Path) -> tuple[float, int]:
@@ -46,9 +46,9 @@ def run(folder: Path) -> tuple[float, int]:
 @pytest.fixture
 def copied(tmp_path: Path) -> Path:
     """A package of three files, compiled as ours are."""
-    parts = tmp_path / "monitor" / "parts"
+    parts = tmp_path / "tuners" / "parts"
     parts.mkdir(parents=True)
-    shutil.copy(ROOT / "monitor" / "compiled.py", parts.parent)
+    shutil.copy(ROOT / "tuners" / "compiled.py", parts.parent)
     for name, text in (
         ("__init__.py", ""),
         ("parts/__init__.py", ""),
@@ -65,12 +65,12 @@ def test_a_change_in_another_file_is_seen(copied: Path) -> None:
     """In a function that is called, and in a constant that this one holds; what did not change comes from disk."""
     assert run(copied) == (6.0, 0)
     assert run(copied) == (6.0, 1)
-    (copied / "monitor" / "parts" / "callee.py").write_text(CALLEE.format(factor=5))
+    (copied / "tuners" / "parts" / "callee.py").write_text(CALLEE.format(factor=5))
     assert run(copied) == (15.0, 0)
-    (copied / "monitor" / "parts" / "limits.py").write_text(LIMITS.format(limit=1))
+    (copied / "tuners" / "parts" / "limits.py").write_text(LIMITS.format(limit=1))
     assert run(copied) == (16.0, 0)
     assert run(copied) == (16.0, 1)
-    kept = list((copied / "monitor" / "__pycache__").glob("caller.run*"))
+    kept = list((copied / "tuners" / "__pycache__").glob("caller.run*"))
     assert sorted(p.suffix for p in kept) == [".nbc", ".nbi"]  # in place of the old, not beside it
 
 
@@ -82,9 +82,11 @@ def test_the_kernel_rests_on_the_files_that_it_calls() -> None:
         other = compiled._read(new.pop())[1]
         new += [p for p in other if p not in seen]
         seen.update(other)
-    names = {p.relative_to(ROOT / "monitor").as_posix() for p in seen}
-    assert {"detect/state.py", "detect/phases.py", "detect/baseline.py", "detect/window.py"} <= names
-    assert not any(name.startswith(("service/", "cli/", "verdict/")) for name in names)
+    names = {p.relative_to(ROOT).as_posix() for p in seen}
+    assert {f"monitor/detect/{n}.py" for n in ("state", "phases", "baseline", "window")} <= names
+    assert not any(
+        name.startswith(("monitor/service/", "monitor/cli/", "monitor/verdict/")) for name in names
+    )
 
 
 def test_a_function_is_kept_by_all_that_it_rests_on() -> None:
@@ -117,10 +119,10 @@ def test_a_numba_that_is_switched_off_leaves_the_function(monkeypatch: pytest.Mo
 @pytest.mark.parametrize("inside", [False, True])
 def test_a_class_that_is_gone_makes_what_was_kept_of_it_old(copied: Path, inside: bool) -> None:
     """An index on disk names the classes of the arguments: one that was renamed, or its whole file, is no crash."""
-    caller, shape = copied / "monitor" / "caller.py", copied / "monitor" / "parts" / "shape.py"
+    caller, shape = copied / "tuners" / "caller.py", copied / "tuners" / "parts" / "shape.py"
     record = "from typing import NamedTuple\nclass {name}(NamedTuple):\n    x: float\n"
     calls = (
-        "from monitor.compiled import jit\nfrom monitor.parts.{file} import {name}\n"
+        "from tuners.compiled import jit\nfrom tuners.parts.{file} import {name}\n"
         "@jit\ndef kept(p):\n    return {factor} * p.x\n"
         "def run(x):\n    return kept({name}(x))\nrun.stats = kept.stats\n"
     )

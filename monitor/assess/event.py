@@ -14,6 +14,7 @@ import numpy as np
 
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, LOAD, SETPOINT, UNDECIDED, Assessment, event_id
+from monitor.contract.text import duration
 from monitor.detect.event import (
     BY_MOVING,
     CAUSES,
@@ -361,12 +362,10 @@ def as_worked_with(loop: Loop, event: ClosedEvent, contradiction: str) -> tuple[
 def ramp_in_words(event: ClosedEvent) -> str:
     """Say how a set point moved that did not step."""
     if event.cause == CAUSES[BY_MOVING]:
-        return (
-            f"the set point moves all the time (by {abs(event.amplitude):.3g} [PV] in {event.duration:.3g} s)"
-        )
+        return f"the set point moves all the time (by {abs(event.amplitude):.3g} [PV] in {duration(event.duration)})"
     w = event.window
     moved = w.time[1:][np.diff(w.sp) != 0.0]
-    return f"the set point moved by {event.amplitude:+.3g} [PV] over {moved[-1] if len(moved) else 0.0:.3g} s"
+    return f"the set point moved by {event.amplitude:+.3g} [PV] over {duration(moved[-1] if len(moved) else 0.0)}"
 
 
 def model_values(fit: Fit) -> dict[str, float]:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from monitor.contract.loops import Loop, offset_intended
+from monitor.contract.text import duration
 from monitor.detect.event import INTERRUPTED, LOAD_STEP, SETPOINT_RAMP, SETPOINT_STEP, SETTLED, ClosedEvent
 from monitor.identify.correlation import correlation_time
 from monitor.identify.fit import Fit
@@ -238,14 +239,14 @@ def _against_samples(loop: Loop, event: ClosedEvent) -> list[str]:
         reasons.append(f"{at_limit(event)}, and nothing tells the load from the process meanwhile")
     elif at_limit(event) and (wound := wound_up(loop, event)) > WOUND_UP_SHARE * event.saturated_time:
         reasons.append(
-            f"{at_limit(event)}; it stayed there for {wound:.3g} s after PV had passed the set point: the integral "
+            f"{at_limit(event)}; it stayed there for {duration(wound)} after PV had passed the set point: the integral "
             "action winds up"
         )
     size = abs(event.amplitude)
     lasted = (event.iae - event.iae_noise) / size if size > 0.0 else 0.0
     if event.kind != SETPOINT_RAMP and lasted < LEAST_RESPONSE_PERIODS * event.period:
         reasons.append(
-            f"sampled too coarsely: the response lasts {lasted:.3g} s, the sample period is {event.period:.3g} s"
+            f"sampled too coarsely: the response lasts {duration(lasted)}, a sample period {duration(event.period)}"
         )
     beyond = overshoot(event) if event.kind == SETPOINT_STEP else 0.0
     if beyond > MOST_OVERSHOOT and beyond * size > STANDS_OUT_SD * event.error_sd:
@@ -354,7 +355,7 @@ def swinging(event: ClosedEvent) -> str | None:
     cycle = float(np.mean(cycles))
     if np.std(cycles) > REGULAR_SHARE * cycle:
         return None
-    return f"it swings about the set point, about every {cycle:.3g} s"
+    return f"it swings about the set point, about every {duration(cycle)}"
 
 
 def how_it_ended(event: ClosedEvent) -> str:

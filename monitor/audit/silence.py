@@ -6,13 +6,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from monitor.contract.records import LoopRow
-from monitor.contract.times import iso
 from monitor.verdict.stale import LastSample, is_stale, mark_stale, patience_of_export
 
 from .tasks import Part
-
-OLDEST_NS = 315_532_800 * 10**9
-"""1980 [ns since 1970]: before it, times count from some start and have no date."""
 
 
 def end_of_most(last: Iterable[Mapping[str, LastSample]]) -> int:
@@ -37,10 +33,5 @@ class Silence:
         for row in part.rows:
             last = part.last[row.loop]
             stale = is_stale((self.end - last.time) * 1e-9, last.period, patience)
-            rows.append(mark_stale(row, last, said_time(last.time) if stale else None))
+            rows.append(mark_stale(row, last, bool(stale)))
         return rows
-
-
-def said_time(time: int) -> str:
-    """Return a time [ns] as one reads it: a date, or seconds from some start."""
-    return iso(time) if time >= OLDEST_NS else f"{time * 1e-9:.10g} s"

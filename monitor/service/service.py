@@ -308,8 +308,7 @@ class Service:
     def row(self, number: int) -> LoopRow:
         """Return a loop's row, marked where nothing comes from it any more."""
         last = self.engine.seen.last(number)
-        since = iso(last.time) if number in self.staleness.stale else None
-        return mark_stale(self.engine.row(number), last, since)
+        return mark_stale(self.engine.row(number), last, number in self.staleness.stale)
 
     def rows(self) -> list[LoopRow]:
         """Return all loops' rows, worst first."""

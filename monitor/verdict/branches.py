@@ -265,7 +265,7 @@ def _period(health: Health) -> float | None:
 
 def _cycle(health: Health) -> str:
     period, share = _period(health), health.signs.oscillating_share
-    said = "it oscillates" if period is None else f"it oscillates with a period of {period:.3g} s"
+    said = "it oscillates" if period is None else f"it oscillates with a period of {duration(period)}"
     if share is None or share > ALWAYS_SHARE or not health.signs.spans:
         return said
     spans = ", ".join(f"{iso(s.start)[:19]} to {iso(s.end)[:19]}" for s in health.signs.spans[-MOST_SPANS:])

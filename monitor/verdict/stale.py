@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.contract.records import NOT_ASSESSED, LoopRow
+from monitor.contract.times import in_words
 
 Seconds = float | NDArray[np.floating[Any]]
 
@@ -88,22 +89,22 @@ class LastSamples(NamedTuple):
     bad_run: NDArray[np.int64]
 
 
-def mark_stale(row: LoopRow, last: LastSample, since: str | None) -> LoopRow:
+def mark_stale(row: LoopRow, last: LastSample, stale: bool) -> LoopRow:
     """Return a row with what is to be said of silence.
 
     Parameters
     ----------
-    since
-        The time of the last good sample, in words, of a loop that is stale; None: it is not.
+    stale
+        It is silent for too long (`is_stale`).
     """
     if last.good == 0:
         if row.verdict != NOT_ASSESSED:
             return row
         return msgspec.structs.replace(row, reason=f"no data: {_nothing(last)}")
-    if since is None:
+    if not stale:
         return row
     said = f"nothing but bad samples ({last.bad_run})" if last.bad_run else "no sample"
-    said = f"{said} since {since}"
+    said = f"{said} since {in_words(last.time)}"
     order = (said, row.reason) if row.verdict == NOT_ASSESSED else (row.reason, said)
     reason = "; ".join(filter(None, order))
     return msgspec.structs.replace(row, flags=(*row.flags, STALE), reason=reason)

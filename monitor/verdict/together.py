@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from msgspec.structs import replace
 
 from monitor.contract.records import LoopRow
+from monitor.contract.text import duration
 
 SAME_PERIOD_SHARE = 0.05
 """Difference of two periods up to which they are one."""
@@ -33,7 +34,7 @@ def cycling_together(rows: Sequence[LoopRow]) -> list[LoopRow]:
         more = f" and {len(group) - MOST_NAMED} more" if len(group) > MOST_NAMED else ""
         for row in group:
             beside = ", ".join([r.loop for r in (first, *others) if r is not row][:MOST_NAMED])
-            cycle = f"cycles together with {beside}{more} (period {row.oscillation_period:.3g} s)"
+            cycle = f"cycles together with {beside}{more} (period {duration(row.oscillation_period or 0.0)})"
             look = "where the cycle is largest against its noise: look here first"
             look = (
                 look if row is first else f"look at {first.loop} first, where it is largest against the noise"

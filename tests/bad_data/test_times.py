@@ -100,7 +100,7 @@ def test_a_loop_that_falls_silent_for_good(tmp_path: Path) -> None:
     data = pd.concat([ends, on, slow]).sort_values("time", kind="stable", ignore_index=True)
     found = both(data, tmp_path, table=table, payloads=("frame",))
     assert {n for n, r in found.rows.items() if "stale" in r.flags} == {"ENDS"}
-    assert found.rows["ENDS"].reason.startswith("no sample since 2026-01-01T01:23:10.000000Z; ")
+    assert found.rows["ENDS"].reason.startswith("no sample since Thursday 2026-01-01, 01:23 UTC; ")
     assert found.about["newest_sample"].startswith("2026-01-01T03:19:50")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from monitor.audit.silence import Silence, end_of_most, said_time
+from monitor.audit.silence import Silence, end_of_most
 from monitor.audit.tasks import Part
 from monitor.contract.records import LoopRow
 from monitor.verdict.stale import LastSample
@@ -41,12 +41,6 @@ def test_against_where_most_loops_end(ends, stale):
     silence = Silence(DAY, end_of_most(p.last for p in given))
     rows = [row for part in given for row in silence.rows(part)]
     assert tuple(k for k, row in enumerate(rows) if "stale" in row.flags) == stale
-
-
-def test_since_when_is_a_date():
-    """Also where the input counts seconds since 1970; not where it counts from some start."""
-    assert said_time(DAY) == "2026-01-01T00:00:00.000000Z"
-    assert said_time(90 * 10**9) == "90 s"
 
 
 def test_loops_without_a_good_sample_say_nothing_of_the_end():

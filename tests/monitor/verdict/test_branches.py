@@ -64,7 +64,7 @@ def test_hunting_by_the_hour_is_said_with_its_hours():
     """A third of the time; a loop that cycles all the time needs no times."""
     row = concluded(cycling(0.33))
     assert (
-        "it oscillates with a period of 1.8e+03 s, 33% of the time (2026-03-02T00:00:00 to 2026-03-02T08:00:00)"
+        "it oscillates with a period of 30 min, 33% of the time (2026-03-02T00:00:00 to 2026-03-02T08:00:00)"
         in row.reason
     )
     assert (row.oscillation_period, row.oscillating_share) == (1800.0, 0.33)

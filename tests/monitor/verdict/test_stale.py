@@ -37,16 +37,18 @@ def last(good: int = 100, value: int = 0, quality: int = 0, run: int = 0) -> Las
 
 def test_a_row_that_is_not_stale_stays():
     row = LoopRow(loop="L", verdict=GOOD)
-    assert mark_stale(row, last(), None) is row
+    assert mark_stale(row, last(), False) is row
 
 
 def test_since_when_and_what_came():
     """Behind what the events say, before what explains that there are none."""
     row = LoopRow(loop="L", verdict=GOOD, reason="speed only", flags=("manual",))
-    found = mark_stale(row, last(run=7), "noon")
-    assert found.reason == "speed only; nothing but bad samples (7) since noon"
+    found = mark_stale(row, last(run=7), True)
+    assert found.reason == "speed only; nothing but bad samples (7) since second 0"
     assert found.flags == ("manual", STALE)
-    assert mark_stale(LoopRow(loop="L", reason="idle"), last(), "noon").reason == "no sample since noon; idle"
+    assert (
+        mark_stale(LoopRow(loop="L", reason="idle"), last(), True).reason == "no sample since second 0; idle"
+    )
 
 
 @pytest.mark.parametrize(
@@ -59,5 +61,5 @@ def test_since_when_and_what_came():
 )
 def test_never_a_good_sample(counts, said):
     """Why, in place of a guess by the loop's health; no flag: nothing has ended."""
-    row = mark_stale(LoopRow(loop="L", reason="no good sample was seen"), last(0, *counts), "noon")
+    row = mark_stale(LoopRow(loop="L", reason="no good sample was seen"), last(0, *counts), True)
     assert (row.reason, row.flags) == (said, ())

@@ -25,8 +25,8 @@ def test_the_one_that_is_largest_against_its_noise_comes_first():
     words = said(
         row("TIC-1", 300, 5.0, 1.0), row("FIC-2", 306, 2.0, 0.05), row("LIC-3", 900), row("PIC-4", None)
     )
-    assert "cycles together with FIC-2 (period 300 s); look at FIC-2 first" in words["TIC-1"]
-    assert "cycles together with TIC-1 (period 306 s); where the cycle is largest" in words["FIC-2"]
+    assert "cycles together with FIC-2 (period 5 min); look at FIC-2 first" in words["TIC-1"]
+    assert "cycles together with TIC-1 (period 5.1 min); where the cycle is largest" in words["FIC-2"]
     assert words["LIC-3"] == words["PIC-4"] == "it oscillates"
 
 

@@ -8,6 +8,7 @@ PV that the controller did not see could hide, and beyond what the way in which 
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -55,6 +56,7 @@ from .controller_seen import (
     Controller,
     intervals,
 )
+from .correlation import correlation_time
 
 EXACT_RATIO = 1.05
 """Ratio to the ends of its interval up to which kp is known where gains leave nothing: a response of one mode allows
@@ -125,7 +127,8 @@ def _as_declared(case: Case) -> Controller | None:
         other = _other_weights(rows, known, present, len(at)) if len(moved) else None
         if other is not None:
             return _weights_said(replace(case, known=other), known, share)
-        return _declared(case, NOWHERE, share, _jumps_said(np.setdiff1d(at, moved)))
+        estimate_of = _within_what_is_left(rows, known, present, at)
+        return _declared(case, NOWHERE, share, _jumps_said(np.setdiff1d(at, moved)), estimate_of)
     return None
 
 
@@ -141,6 +144,28 @@ def _compared(rows: Rows, known: Known, present: float) -> tuple[NDArray[np.intp
     if not few or rest > allowed or moved <= 2.0 * rows.quantum:
         return None
     return at, 1.0 - (rest / max(spread, 1e-300)) ** 2
+
+
+def _within_what_is_left(rows: Rows, known: Known, present: float, jumps: NDArray[np.intp]) -> Estimate:
+    """Return the table's gains with what may be hidden in the little that they leave of OP.
+
+    Where PV's noise goes through the gain to OP, the integral of a few minutes is as nothing, and so is a wrong one.
+    """
+    x = columns(rows.time, rows.sp, rows.pv, known.law(rows, present), 0.0, 0)
+    between = np.isin(np.arange(len(rows.op)), jumps).cumsum()[
+        rows.use
+    ]  # OP may hold another constant in each
+    left, moved = (rows.op - x @ known.gains)[rows.use], x[rows.use, :3]
+    count = np.maximum(np.bincount(between), 1)
+    left = left - (np.bincount(between, left) / count)[between]
+    moved = moved - np.column_stack([(np.bincount(between, m) / count)[between] for m in moved.T])
+    independent = max(len(left) / correlation_time(left), 1.0)
+    size = np.std(moved, axis=0) * math.sqrt(independent)
+    sd = np.divide(np.std(left), size, out=np.full(3, math.inf), where=size > 0.0)
+    there = known.gains[:3] != 0.0
+    if_other = known.gains[:3].copy()  # what is left may be that of other gains
+    if_other[there] += np.linalg.lstsq(moved[:, there], left, rcond=None)[0]
+    return replace(Estimate.exact(known.gains), sd=np.where(there, sd, 0.0), if_noise=if_other)
 
 
 def _other_weights(rows: Rows, known: Known, present: float, jumps: int) -> Known | None:

@@ -42,6 +42,20 @@ def test_a_right_table_is_confirmed(block: Block, event: str, noise: float) -> N
     assert found.explained == pytest.approx(1.0, abs=1e-3)
 
 
+def test_a_quiet_stretch_confirms_no_integral_that_it_does_not_show() -> None:
+    """Noise goes through the gain to OP, the integral of two minutes is as nothing: a wrong one explains OP as well."""
+    slow = Block(ti=6000.0)
+    columns = [x[:128] for x in recorded(slow, noise=0.1, step=0.0)]
+    for declared in (slow, replace(slow, ti=2400.0)):
+        found = seen(window_of(*columns), declared.facts())
+        assert found.said == AS_DECLARED
+        assert found.kp.high < 1.01 * found.kp.low
+        assert found.ti.low < 6000.0 < 1.01 * found.ti.high
+    assert found.ti.high > 1.5 * found.ti.low
+    sharp = seen(window_of(*columns), slow.facts())
+    assert sharp.ti.high < 1.001 * sharp.ti.low
+
+
 @pytest.mark.parametrize("event", EVENTS)
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 @pytest.mark.parametrize(

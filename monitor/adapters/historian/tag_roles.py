@@ -27,7 +27,7 @@ ROLE_WORDS: dict[str, str] = {
 }
 """Words of each role, lower case, without separators. ``""``: known, and not wanted (what mode is asked for is not what
 is); ``?``: says something of the mode, the wrong way about, so that it is not to be passed over."""
-_ROLE = {word: role for role, words in ROLE_WORDS.items() for word in words.split()}
+_ROLE = {word.casefold(): role for role, words in ROLE_WORDS.items() for word in words.split()}
 ALONE_ONLY = frozenset("w x y q process mess ist soll hand am ma man auto status sts".split())
 """Words that count as a role only behind a separator, and as nothing at a name's beginning."""
 VALUE_WORDS = frozenset(
@@ -73,7 +73,7 @@ def role_of(words: str) -> str | None:
     >>> role_of("Process_Value"), role_of("A/M"), role_of("flow")
     ('pv', 'auto', None)
     """
-    return _ROLE.get(re.sub(_SEPARATORS, "", _UNIT.sub("", words.strip())).lower())
+    return _ROLE.get(re.sub(_SEPARATORS, "", _UNIT.sub("", words.strip())).casefold())
 
 
 def read_tag(name: str) -> Tag | None:
@@ -90,7 +90,7 @@ def read_tag(name: str) -> Tag | None:
     """
     text = _UNIT.sub("", name.strip())
     parts = [(m.start(), m.end()) for m in re.finditer(r"[^./:\\|_\-\s]+", text)]
-    words = [text[a:b].lower() for a, b in parts]
+    words = [text[a:b].casefold() for a, b in parts]
     if len(words) > 1:
         last = len(words)
         while last > 2 and words[last - 1] in VALUE_WORDS | {"f"} and _role_at(words, last - 1):

@@ -42,6 +42,7 @@ def test_what_says_no_role_has_none(name: str) -> None:
 
 def test_roles_alone() -> None:
     assert [role_of(w) for w in ("Set Point", "PV (%)", "A/M", "flow")] == ["sp", "pv", "auto", None]
+    assert role_of("STELLGRÖSSE") == role_of("Stellgröße") == "op"
 
 
 def test_the_actual_mode_goes_before_the_plain_one_and_the_target_is_not_used() -> None:

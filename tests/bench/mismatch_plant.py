@@ -109,6 +109,10 @@ class Plant:
     ruled: str = ""
     """Process by which the settings are ruled, where that is not the process."""
 
+    def __post_init__(self) -> None:
+        if self.space.d:
+            raise ValueError("PV follows no input at once: neither `sampled` nor the simulation has that path")
+
     @property
     def integrators(self) -> int:
         return int((np.abs(np.linalg.eigvals(self.space.a)) < 1e-12).sum())

@@ -61,8 +61,9 @@ def dead_time_only(rng: Rng, dead: float, gain: float) -> Plant:
 
 
 def inverse(rng: Rng, dead: float, gain: float) -> Plant:
-    lags = [dead * log(rng, 0.5, 6.0) for _ in range(rng.integers(1, 3))]
-    return simple(INTEGRATING if rng.random() < 0.5 else SELF, gain, dead, lags, dead * log(rng, 0.3, 3.0))
+    process = INTEGRATING if rng.random() < 0.5 else SELF
+    lags = [dead * log(rng, 0.5, 6.0) for _ in range(2 if process == SELF else rng.integers(1, 3))]
+    return simple(process, gain, dead, lags, dead * log(rng, 0.3, 3.0))
 
 
 def lead(rng: Rng, dead: float, gain: float) -> Plant:

@@ -23,9 +23,9 @@ from monitor.health.diagnosis import Block
 from monitor.health.observe import HEALTH
 
 from . import kernel
-from .constants import BLOCK_SAMPLES, LEVELS, RING_SAMPLES, SLOTS_OF_SAMPLE, TOO_LARGE, WINDOW_POINTS
+from .constants import SLOTS_OF_SAMPLE, TOO_LARGE, WINDOW_POINTS
 from .event import BY_END, CAUSES, LOAD_STEP, STATES, ClosedEvent, EventWindow, Opened, Stretch
-from .state import BLOCK, BUFFER, OPENED, OUT, PARAM, STATE, STRETCH, Stores
+from .state import BLOCK, BLOCKS, BUFFER, OPENED, OUT, PARAM, RINGS, STATE, STRETCH, Stores
 
 _T = TypeVar("_T", bound=np.generic)
 MOST_OUT = 256
@@ -35,7 +35,7 @@ Found = list[Opened | ClosedEvent]
 _AS_THEY_ARE = tuple(
     f.name for f in fields(ClosedEvent) if f.name not in {"state", "cause", "quiet", "window", "health"}
 )
-_PER_LOOP = ("state", "health", "ring", "ring_time", "coarse", "coarse_time")
+_PER_LOOP = ("state", "health", "rings")
 """What is known of the loops beyond the table: arrays with a row for each."""
 
 
@@ -53,11 +53,8 @@ class Detector:
             param=np.zeros(0, PARAM),
             state=np.zeros(0, STATE),
             health=np.zeros(0, HEALTH),
-            ring=np.zeros((0, RING_SAMPLES, 3)),
-            ring_time=np.zeros((0, RING_SAMPLES), np.int64),
-            coarse=np.zeros((0, RING_SAMPLES, 3)),
-            coarse_time=np.zeros((0, RING_SAMPLES), np.int64),
-            blocks=np.zeros((0, LEVELS, BLOCK_SAMPLES, 3), np.float32),
+            rings=np.zeros(0, RINGS),
+            blocks=np.zeros(0, BLOCKS),
             slab=np.zeros((0, WINDOW_POINTS, 4)),
             free=np.zeros(0, np.int64),
             n_free=np.zeros(1, np.int64),

@@ -6,6 +6,7 @@ import numpy as np
 
 from monitor.compiled import jit
 from monitor.contract.samples import QUALITY_GOOD, QUALITY_UNCERTAIN
+from monitor.health.by_size import median_of
 
 from .constants import (
     COARSE_SAMPLES,
@@ -119,7 +120,7 @@ def _median_step(time, ring_n):
     for j in range(m - 1):
         later = time[(ring_n - m + j + 1) % RING_SAMPLES]
         steps[j] = (later - time[(ring_n - m + j) % RING_SAMPLES]) * 1e-9
-    return np.median(steps)
+    return median_of(steps)
 
 
 @jit

@@ -68,28 +68,33 @@ def runs_of(error: Array, sp: Array) -> Array:
         (M, 7): first sample, one past the last, sum over windows of their period [samples], windows, sums of score
         and of amplitude [PV], and the lowest number of a run that is one oscillation with this one.
     """
-    n = len(error)
-    middle = np.arange(n) - 0.5 * (n - 1)
-    x = np.zeros((2, n + LAGS))
-    x[0, :n] = error - np.mean(error)
-    x[0, :n] -= middle * (x[0, :n] @ middle / (middle @ middle))  # lest sums be differences of large numbers
-    x[1, :n] = sp
-    if np.max(np.abs(x[0])) <= ROUNDING_SHARE * np.max(np.abs(error)):
-        return np.empty((0, RUN_COLUMNS))
+    middle, room = _scratch(len(error))
+    own = error - np.mean(error)
+    own -= middle * (own @ middle / (middle @ middle))  # lest sums be differences of large numbers
     out = np.empty((MOST_RUNS, RUN_COLUMNS))
-    return out[: _search(x, n, *_scratch(n), out)]
+    if np.max(np.abs(own)) <= ROUNDING_SHARE * np.max(np.abs(error)):
+        return out[:0]
+    return out[: _search(own, sp, room, out)]
 
 
 @lru_cache(maxsize=4)
-def _scratch(n: int) -> tuple[Array, Array]:
-    """Return room for the tables: new pages each time would cost as much as the search; it holds the GIL."""
-    return np.empty((4, n + 1)), np.empty((n + 1, LAGS))
+def _scratch(n: int) -> tuple[Array, tuple[Array, Array, Array]]:
+    """Return places from a record's middle, and room for both signals and for tables.
+
+    New pages each time would cost as much as the search, which holds the GIL.
+    """
+    room = np.empty((2, n + LAGS)), np.empty((4, n + 1)), np.empty((n + 1, LAGS))
+    return np.arange(n) - 0.5 * (n - 1), room
 
 
 @jit
-def _search(x, n, line, products, out):
+def _search(error, sp, room, out):
     """Go through the levels of averaging and their periods; return the number of runs."""
-    count, width = 0, 1
+    x, line, products = room
+    n, count, width = len(error), 0, 1
+    x[:, n:] = 0.0
+    x[0, :n] = error
+    x[1, :n] = sp
     while n >= LEAST_WINDOW_CYCLES * (FINEST_AVERAGES if width == 1 else 0.5 * COARSEST_AVERAGES):
         _sum_up(x, n, line, products)
         for j in range(1, (2 if width == 1 else 1) * PERIODS_AN_OCTAVE + 1):

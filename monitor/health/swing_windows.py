@@ -85,7 +85,7 @@ def _scratch(n: int) -> tuple[Array, float, Array, Array]:
 
     New pages each time would cost as much as the search, which holds the GIL.
     """
-    middle = np.arange(n) - 0.5 * (n - 1)
+    middle = np.arange(n, dtype=np.float64) - 0.5 * (n - 1)
     return middle, float(middle @ middle), np.empty((2, n + LAGS)), np.empty((n + 1, LINES + LAGS))
 
 

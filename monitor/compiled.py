@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from tuners.compiled import fingerprint, jit, jit_nogil, jit_sums, unrolled
+from tuners.compiled import fingerprint, jit, jit_inlined, jit_nogil, jit_sums, unrolled
 
-__all__ = ["fingerprint", "jit", "jit_nogil", "jit_sums", "unrolled"]
+__all__ = ["fingerprint", "jit", "jit_inlined", "jit_nogil", "jit_sums", "unrolled"]

@@ -167,7 +167,7 @@ class Engine:
         records = [record for waiting in now for record in self._assess(waiting)]
         for row in sorted(self._stretches.keys() | self._diagnoses.waiting.keys())[: n - len(now)]:
             self._look_at_stretches(row)
-            self._diagnoses.look(row)
+            self._diagnoses.catch_up(row)
             self._changed.add(row)
         return records
 

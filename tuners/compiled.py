@@ -97,6 +97,8 @@ def _compiler(**options: Any) -> Any:
 
 jit = _compiler()
 """Compiled, cached on disk; 0/0 is NaN as in NumPy."""
+jit_inlined = _compiler(inline="always")
+"""As `jit`, written out where it is called: for what each sample passes through once, where a call costs as much."""
 jit_nogil = _compiler(nogil=True)
 """As `jit`; lets other threads run beside it."""
 jit_sums = _compiler(fastmath={"reassoc", "contract"})

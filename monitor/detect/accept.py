@@ -6,6 +6,7 @@ import numpy as np
 
 from monitor.compiled import jit
 from monitor.contract.samples import QUALITY_GOOD, QUALITY_UNCERTAIN
+from monitor.health.by_size import median_of
 
 from .constants import (
     COARSE_SAMPLES,
@@ -19,19 +20,19 @@ from .constants import (
 
 
 @jit
-def remember(s, stores, i, time, sp, pv, op):
+def remember(s, rings, time, sp, pv, op):
     """Put a sample into the loop's rings."""
     j = s.ring_n & (RING_SAMPLES - 1)
-    ring, coarse = stores.ring, stores.coarse
-    stores.ring_time[i, j] = time
-    ring[i, j, 0], ring[i, j, 1], ring[i, j, 2] = sp, pv, op
+    values, coarse = rings.values, rings.coarse
+    rings.time[j] = time
+    values[j, 0], values[j, 1], values[j, 2] = sp, pv, op
     j = (s.ring_n // COARSE_SAMPLES) & (RING_SAMPLES - 1)
     b = s.ring_n % COARSE_SAMPLES
     if b == 0:
-        stores.coarse_time[i, j] = time
-        coarse[i, j, 0], coarse[i, j, 1], coarse[i, j, 2] = sp, pv, op
+        rings.coarse_time[j] = time
+        coarse[j, 0], coarse[j, 1], coarse[j, 2] = sp, pv, op
     else:  # OP held from point to point is its mean
-        coarse[i, j, 2] += (op - coarse[i, j, 2]) / (b + 1)
+        coarse[j, 2] += (op - coarse[j, 2]) / (b + 1)
     s.ring_n += 1
 
 
@@ -112,22 +113,22 @@ def keep_last(s, time, sp, pv, op, auto):
 
 
 @jit
-def _median_step(ring_time, i, ring_n):
+def _median_step(time, ring_n):
     """Sample period where none is given: the median step between the ring's times [s]."""
     m = min(ring_n, RING_SAMPLES)
     steps = np.empty(m - 1)
     for j in range(m - 1):
-        later = ring_time[i, (ring_n - m + j + 1) % RING_SAMPLES]
-        steps[j] = (later - ring_time[i, (ring_n - m + j) % RING_SAMPLES]) * 1e-9
-    return np.median(steps)
+        later = time[(ring_n - m + j + 1) % RING_SAMPLES]
+        steps[j] = (later - time[(ring_n - m + j) % RING_SAMPLES]) * 1e-9
+    return median_of(steps)
 
 
 @jit
-def follow_rate(s, p, ring_time, i):
+def follow_rate(s, p, rings):
     """Take over the sample period as it is now, unless it is given; what averages knew of another is worth nothing."""
     if p.period != 0 and s.clock.period == p.period:
         return
-    period = max(_median_step(ring_time, i, s.ring_n), p.period)
+    period = max(_median_step(rings.time, s.ring_n), p.period)
     if abs(period - s.clock.period) > 0.2 * period and s.window.slot < 0:
         s.noise.n = s.baseline.n = s.noise.outside_run = s.noise.snapshots = 0
         s.noise.least_n = WARM_UP_SAMPLES

@@ -10,16 +10,46 @@ from __future__ import annotations
 
 from monitor.compiled import jit
 
-from .constants import BLOCK_SAMPLES, LEAST_BLOCK_SAMPLES, LEVEL_SAMPLES, MAX_GAP_PERIODS
+from .constants import BLOCK_SAMPLES, LEAST_BLOCK_SAMPLES, LEVEL_SAMPLES, LEVELS, MAX_GAP_PERIODS
 from .state import BLOCK
 
 
 @jit
-def fill(s, stores, n, i, time, sp, pv, op, auto):
-    """Put a sample into the loop's blocks; return the number of rows in ``out``."""
-    b, period = s.buffer, s.clock.period
+def fill(b, blocks, period, time, sp, pv, op, auto):
+    """Put a sample into the loop's blocks, of which ``b`` keeps count, and samples that are missing before it.
+
+    Returns 0, nearly always; -1 where it ends the blocks; and where one is full, the values still to be put plus one:
+    `go_on_filling` knows how.
+    """
+    values = _values_of(b, period, time, auto)
+    for k in range(values):
+        if _enter(b, blocks, sp, pv, op):
+            return values - k
+    return min(values, 0)
+
+
+@jit
+def go_on_filling(s, stores, n, i, more, time, sp, pv, op, auto):
+    """Hand out what `fill` found full, or ended, and put what it left; return the number of rows in ``out``."""
+    b, blocks = s.buffer, stores.blocks[i]
+    if more > 0:
+        n = _hand_out_full(s, stores, n, i)
+        more -= 1
+    else:
+        n = end_blocks(s, stores, n, i, LEAST_BLOCK_SAMPLES)
+        b.period, b.time = s.clock.period, time
+        more = 1 if auto else 0
+    for _ in range(more):
+        if _enter(b, blocks, sp, pv, op):
+            n = _hand_out_full(s, stores, n, i)
+    return n
+
+
+@jit
+def _values_of(b, period, time, auto):
+    """Return how many values a sample adds to the blocks; -1 where it ends them."""
     if period <= 0.0:
-        return n
+        return 0
     dt = (time - b.time) * 1e-9
     if (
         not auto
@@ -27,46 +57,60 @@ def fill(s, stores, n, i, time, sp, pv, op, auto):
         or dt < 0.0
         or not 0.5 * b.period <= period <= 2.0 * b.period
     ):
-        n = end_blocks(s, stores, n, i, LEAST_BLOCK_SAMPLES)
-        b.period = period
-        dt = period
+        return -1
     b.time = time
-    if not auto:
-        return n
-    b.clock += dt  # a sample that is missing is filled with the next one's value
-    for _ in range(max(int(b.clock / b.period + 0.5), 0)):
+    b.clock += dt
+    n = max(int(b.clock / b.period + 0.5), 0)
+    for _ in range(n):
         b.clock -= b.period
-        n = _enter(s, stores, n, i, 0, sp, pv, op)
-        b.sums[0] += sp
-        b.sums[1] += pv
-        b.sums[2] += op
-        b.summed += 1
-        if b.summed == LEVEL_SAMPLES:
-            share = 1.0 / LEVEL_SAMPLES
-            n = _enter(s, stores, n, i, 1, share * b.sums[0], share * b.sums[1], share * b.sums[2])
-            b.sums[:] = 0.0
-            b.summed = 0
     return n
 
 
 @jit
-def _enter(s, stores, n, i, level, sp, pv, op):
-    """Put values into the block of a level, and hand it out where it is full."""
-    own = s.buffer.levels[level]
-    if own.n == 0:
-        own.start = s.buffer.time
-        own.origin[0], own.origin[1], own.origin[2] = sp, pv, op
-    values = stores.blocks[i, level, own.n]
-    values[0], values[1], values[2] = sp - own.origin[0], pv - own.origin[1], op - own.origin[2]
-    own.n += 1
-    return hand_out_block(s, stores, n, i, level, False) if own.n == BLOCK_SAMPLES else n
+def _enter(b, blocks, sp, pv, op):
+    """Put a value into the blocks; whether one is full."""
+    _put(b, 0, blocks, sp, pv, op)
+    sums = b.sums
+    sums[0] += sp
+    sums[1] += pv
+    sums[2] += op
+    b.summed += 1
+    if b.summed == LEVEL_SAMPLES:
+        share = 1.0 / LEVEL_SAMPLES
+        _put(b, 1, blocks, share * sums[0], share * sums[1], share * sums[2])
+        sums[0] = sums[1] = sums[2] = 0.0
+        b.summed = 0
+    return b.levels[0].n == BLOCK_SAMPLES or b.levels[1].n == BLOCK_SAMPLES
+
+
+@jit
+def _put(b, level, blocks, sp, pv, op):
+    """Put a value into the block of a level."""
+    own = b.levels[level]
+    origin, values, at = own.origin, blocks.values, own.n
+    if at == 0:
+        own.start = b.time
+        origin[0], origin[1], origin[2] = sp, pv, op
+    values[level, at, 0] = sp - origin[0]
+    values[level, at, 1] = pv - origin[1]
+    values[level, at, 2] = op - origin[2]
+    own.n = at + 1
+
+
+@jit
+def _hand_out_full(s, stores, n, i):
+    """Hand out the blocks that are full; return the number of rows in ``out``."""
+    for level in range(LEVELS):
+        if s.buffer.levels[level].n == BLOCK_SAMPLES:
+            n = hand_out_block(s, stores, n, i, level, False)
+    return n
 
 
 @jit
 def end_blocks(s, stores, n, i, least):
     """End what fills; hand out what has ``least`` values."""
     b = s.buffer
-    for level in range(len(b.levels)):
+    for level in range(LEVELS):
         if b.levels[level].n >= least:
             n = hand_out_block(s, stores, n, i, level, False)
         b.levels[level].n = 0
@@ -85,10 +129,10 @@ def hand_out_block(s, stores, n, i, level, so_far):
     o.what, o.row, o.slot, o.points = BLOCK, i, stores.free[stores.n_free[0]], own.n
     o.number, o.state, o.period = level, int(so_far), s.buffer.period * LEVEL_SAMPLES**level
     o.onset, o.end = own.start, s.buffer.time
-    w, values = stores.slab[o.slot], stores.blocks[i, level]
+    w, values = stores.slab[o.slot], stores.blocks[i].values
     for k in range(own.n):
         for c in range(3):
-            w[k, 1 + c] = own.origin[c] + values[k, c]
+            w[k, 1 + c] = own.origin[c] + values[level, k, c]
     if not so_far:
         own.n = 0
     return n + 1

@@ -13,7 +13,7 @@ from monitor.compiled import jit
 from . import act
 from .accept import accepted, follow_rate, keep_last, remember
 from .baseline import await_baseline, restart_loop
-from .buffer import end_blocks, fill, hand_out_block
+from .buffer import end_blocks, fill, go_on_filling, hand_out_block
 from .constants import (
     ALL_STRETCHES_SAMPLES,
     LAST_BLOCK_SAMPLES,
@@ -55,14 +55,16 @@ def run(stores, batch, at):
             append(s, stores.slab, time, sp, pv, op)
         if todo:
             n = apply_actions(todo, s, stores, n, i, time, sp, pv, op)
-        n = fill(s, stores, n, i, time, sp, pv, op, auto)
+        more = fill(s.buffer, stores.blocks[i], s.clock.period, time, sp, pv, op, auto)
+        if more:
+            n = go_on_filling(s, stores, n, i, more, time, sp, pv, op, auto)
         keep_last(s, time, sp, pv, op, auto)
         s.clock.sp_missing_run = s.clock.sp_missing_run + 1 if missing else 0
-        remember(s, stores, i, time, sp, pv, op)
+        remember(s, stores.rings[i], time, sp, pv, op)
         m = s.ring_n
         if m & (RING_SAMPLES - 1) == 0 or (m < RING_SAMPLES and m >= 8 and m & (m - 1) == 0):
             # at 8, 16, 32, 64, then once a turn: a gateway that changes its rate is followed
-            follow_rate(s, p, stores.ring_time, i)
+            follow_rate(s, p, stores.rings[i])
         if m & (RING_SAMPLES - 1) == 0 or s.window.slot >= 0:
             n = hand_out_stretches(s, stores, n, i)
     return len(batch.time), n
@@ -115,13 +117,13 @@ def hand_out_stretch(s, stores, n, i, after):
     o.what, o.row, o.slot, o.points = STRETCH, i, stores.free[stores.n_free[0]], RING_SAMPLES
     o.before, o.period = RING_SAMPLES - after, s.clock.period
     first = s.ring_n & (RING_SAMPLES - 1)
-    o.onset = stores.ring_time[i, first]
-    o.end = stores.ring_time[i, (first + RING_SAMPLES - 1) & (RING_SAMPLES - 1)]
-    w = stores.slab[o.slot]
+    rings, w = stores.rings[i], stores.slab[o.slot]
+    o.onset = rings.time[first]
+    o.end = rings.time[(first + RING_SAMPLES - 1) & (RING_SAMPLES - 1)]
     for k in range(RING_SAMPLES):
         j = (first + k) & (RING_SAMPLES - 1)
-        w[k, 0] = (stores.ring_time[i, j] - o.onset) * 1e-9
-        w[k, 1], w[k, 2], w[k, 3] = stores.ring[i, j, 0], stores.ring[i, j, 1], stores.ring[i, j, 2]
+        w[k, 0] = (rings.time[j] - o.onset) * 1e-9
+        w[k, 1], w[k, 2], w[k, 3] = rings.values[j, 0], rings.values[j, 1], rings.values[j, 2]
     return n + 1
 
 

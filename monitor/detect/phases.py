@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from monitor.compiled import jit
+from monitor.compiled import jit, jit_inlined
 from monitor.health.observe import observe
 
 from . import act
@@ -43,7 +43,7 @@ from .state import CANDIDATE, EVENT, MOVING, QUIET
 from .window import add, end_event, restart_settling
 
 
-@jit
+@jit_inlined
 def advance(s, h, p, time, sp, pv, op, auto):
     """Take in one good sample; return what to do with the loop's window, as a sum of `act`'s."""
     last, clock = s.last, s.clock

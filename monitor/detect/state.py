@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from monitor.contract.samples import Array
 from monitor.health.observe import HEALTH
 
-from .constants import LEVELS
+from .constants import BLOCK_SAMPLES, LEVELS, RING_SAMPLES
 
 WARMING, QUIET, CANDIDATE, EVENT, MOVING = range(5)
 """Phases: without a baseline; at rest; a set point has begun to move; an event is open; a set point goes on moving."""
@@ -200,6 +200,17 @@ STATE = np.dtype(
 What every sample of a quiet loop touches stands first, beside each other: with many loops it has to come from memory.
 """
 
+RINGS = np.dtype(
+    [
+        ("time", "i8", (RING_SAMPLES,)),  # of the last samples [ns since 1970]
+        ("values", "f8", (RING_SAMPLES, 3)),  # their SP, PV and OP [PV], [PV], [OP]
+        ("coarse_time", "i8", (RING_SAMPLES,)),  # of every eighth sample [ns since 1970]
+        ("coarse", "f8", (RING_SAMPLES, 3)),  # its SP, PV, and OP as the mean over all [PV], [PV], [OP]
+    ]
+)
+BLOCKS = np.dtype([("values", "f4", (LEVELS, BLOCK_SAMPLES, 3))])
+"""The blocks that fill, less their origin: SP, PV and OP [PV], [PV], [OP]."""
+
 OUT = np.dtype(
     [
         ("what", "i8"),  # `OPENED`, `CLOSED`, `STRETCH` or `BLOCK`
@@ -222,7 +233,8 @@ stretch and a block what `Stretch` and `Block` say."""
 class Stores(NamedTuple):
     """Detection's arrays: L loops, S windows of open events, M rows for what is handed out.
 
-    The rings' columns are SP, PV and OP, the windows' time from the onset [s], SP, PV and OP.
+    All of a loop is in records: where a function of each sample took the arrays themselves, counting who holds them
+    would cost more than the sample.
     """
 
     param: NDArray[np.void]
@@ -231,18 +243,12 @@ class Stores(NamedTuple):
     """(L,) dtype `STATE`."""
     health: NDArray[np.void]
     """(L,) dtype `HEALTH`."""
-    ring: Array
-    """(L, RING_SAMPLES, 3) the last samples [PV], [PV], [OP]."""
-    ring_time: NDArray[np.int64]
-    """(L, RING_SAMPLES) [ns since 1970]."""
-    coarse: Array
-    """(L, RING_SAMPLES, 3) every eighth sample, OP as the mean over all [PV], [PV], [OP]."""
-    coarse_time: NDArray[np.int64]
-    """(L, RING_SAMPLES) [ns since 1970]."""
-    blocks: NDArray[np.float32]
-    """(L, LEVELS, BLOCK_SAMPLES, 3) the blocks that fill, less their origin [PV], [PV], [OP]."""
+    rings: NDArray[np.void]
+    """(L,) dtype `RINGS`."""
+    blocks: NDArray[np.void]
+    """(L,) dtype `BLOCKS`."""
     slab: Array
-    """(S, WINDOW_POINTS, 4) windows of open events [s], [PV], [PV], [OP]."""
+    """(S, WINDOW_POINTS, 4) windows of open events: time from the onset [s], SP [PV], PV [PV], OP [OP]."""
     free: NDArray[np.int64]
     """(S,) slots of the slab that are free: the first ``n_free[0]``."""
     n_free: NDArray[np.int64]

@@ -47,11 +47,11 @@ def begin(s, stores, i, time):
     # what lies before the loop came to rest belongs to another event; without rest some of it shows how PV moved
     known = s.baseline.n if event.quiet > 0.0 else UNRESTED_BEFORE_SAMPLES
     m = min(s.ring_n, RING_SAMPLES, max(known, LEAST_BEFORE_SAMPLES))
-    w, ring = stores.slab[window.slot], stores.ring
+    w, rings = stores.slab[window.slot], stores.rings[i]
     for j in range(m):
         k = (s.ring_n - m + j) % RING_SAMPLES
-        w[j, 0] = (stores.ring_time[i, k] - time) * 1e-9
-        w[j, 1], w[j, 2], w[j, 3] = ring[i, k, 0], ring[i, k, 1], ring[i, k, 2]
+        w[j, 0] = (rings.time[k] - time) * 1e-9
+        w[j, 1], w[j, 2], w[j, 3] = rings.values[k, 0], rings.values[k, 1], rings.values[k, 2]
     window.n = window.before = m
     window.stride = 1
     window.skipped = 0
@@ -74,7 +74,7 @@ def begin_load(s, stores, i, time, pv):
     restart_settling(s, time)
     s.settling.half_waves = s.settling.side = 0
     w = stores.slab[s.window.slot]
-    n = _reach_back(s, stores, w, i, time)
+    n = _reach_back(s, stores.rings[i], w, time)
     s.window.n = s.window.before = n
     event.pv0 = event.op0 = 0.0
     for k in range(n // 2):
@@ -86,9 +86,9 @@ def begin_load(s, stores, i, time, pv):
 
 
 @jit
-def _reach_back(s, stores, w, i, time):
+def _reach_back(s, rings, w, time):
     """Fill the window with what is known of the loop since it came to rest, coarse and fine; return the points."""
-    ring, coarse = stores.ring, stores.coarse
+    values, coarse = rings.values, rings.coarse
     reach = s.baseline.n + s.noise.outside_run
     start = s.ring_n - min(s.ring_n, RING_SAMPLES, reach)
     first = ((start + COARSE_SAMPLES - 1) // COARSE_SAMPLES) * COARSE_SAMPLES  # of the fine points
@@ -97,13 +97,13 @@ def _reach_back(s, stores, w, i, time):
     quiet = max(quiet, s.ring_n // COARSE_SAMPLES - RING_SAMPLES + 1, 0)
     for k in range(quiet, first // COARSE_SAMPLES):
         j = k & (RING_SAMPLES - 1)
-        w[n, 0] = (stores.coarse_time[i, j] - time) * 1e-9
-        w[n, 1], w[n, 2], w[n, 3] = coarse[i, j, 0], coarse[i, j, 1], coarse[i, j, 2]
+        w[n, 0] = (rings.coarse_time[j] - time) * 1e-9
+        w[n, 1], w[n, 2], w[n, 3] = coarse[j, 0], coarse[j, 1], coarse[j, 2]
         n += 1
     for k in range(first, s.ring_n):
         j = k & (RING_SAMPLES - 1)
-        w[n, 0] = (stores.ring_time[i, j] - time) * 1e-9
-        w[n, 1], w[n, 2], w[n, 3] = ring[i, j, 0], ring[i, j, 1], ring[i, j, 2]
+        w[n, 0] = (rings.time[j] - time) * 1e-9
+        w[n, 1], w[n, 2], w[n, 3] = values[j, 0], values[j, 1], values[j, 2]
         n += 1
     return n
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.compiled import jit
+from monitor.compiled import jit, jit_inlined
 
 from . import level
 from .block import BLOCK_LENGTH
@@ -52,7 +52,7 @@ def taint(own):
         level.taint(own.levels[k])
 
 
-@jit
+@jit_inlined
 def places(own, dt, period):
     """Return how often the next sample counts, ``dt`` after the last [s]: a missed one is filled with its value.
 
@@ -67,7 +67,7 @@ def places(own, dt, period):
     return min(n, MISSED_SAMPLES + 1)
 
 
-@jit
+@jit_inlined
 def update(own, e):
     """Take in one error [PV]; return whether that completes a block of samples, and whether no step of SP is in it."""
     at = own.taken & (BLOCK_LENGTH - 1)

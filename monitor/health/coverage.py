@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.compiled import jit
+from monitor.compiled import jit_inlined
 
 from .fields import halving
 
@@ -30,7 +30,7 @@ DTYPE = np.dtype([*SUMS, *RUNNING, *KEPT])
 decay = halving(SUMS)
 
 
-@jit
+@jit_inlined
 def update(own, dt, period, gap, was_auto, auto):
     """Take in the time since the last sample [s] and the mode before and after it; ``period`` is 0 if unknown [s]."""
     if gap and dt > SLICE_GAP_S:

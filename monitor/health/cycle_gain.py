@@ -17,6 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.compiled import jit
+
 from .episodes import Episode, episodes_of
 
 Array = NDArray[np.float64]
@@ -128,30 +130,66 @@ def _integrators(phase: float) -> tuple[float, float]:
 
 def _sharpened(x: Array, length: float) -> float:
     """Return the period near the given one at which most of a signal swings [samples]."""
-    t, own = np.arange(len(x)), x - np.mean(x)
     # in steps of a fraction of what a record of so many cycles tells apart
     reach = min(PERIOD_SHARE, 2.0 * length / len(x))
     tried = length * np.linspace(1.0 - reach, 1.0 + reach, PERIODS_TRIED)
-    window = np.hanning(len(x))
-    power = np.abs(np.exp(-2j * np.pi * np.outer(1.0 / tried, t)) @ (own * window))
-    return float(tried[int(np.argmax(power))])
+    return float(tried[_strongest((x - np.mean(x)) * np.hanning(len(x)), 2.0 * np.pi / tried)])
 
 
-def _harmonics(x: Array, length: float) -> tuple[NDArray[np.complex128], float]:
+@jit
+def _strongest(x, turns):
+    """Return which of some frequencies, each in turns from sample to sample [rad], is the strongest."""
+    cos, sin = np.cos(turns), np.sin(turns)
+    real, imag, at_real, at_imag = np.zeros((4, len(turns)))
+    at_real += 1.0
+    for v in x:
+        for k in range(len(turns)):  # over frequencies the compiler takes four at a time, over samples none
+            real[k] += v * at_real[k]
+            imag[k] += v * at_imag[k]
+            before = at_real[k]
+            at_real[k] = before * cos[k] - at_imag[k] * sin[k]
+            at_imag[k] = before * sin[k] + at_imag[k] * cos[k]
+    return np.argmax(real * real + imag * imag)
+
+
+@jit
+def _harmonics(x, length):
     """Return each whole cycle's first harmonic, and its share of the variance about a slope in each cycle."""
-    harmonics, of_first, of_all = [], 0.0, 0.0
-    least = len(x) * (ROUNDING_SHARE * float(np.max(np.abs(x)))) ** 2
-    for k in range(int((len(x) + 0.5) / length)):
-        at = np.arange(round(k * length), min(round((k + 1) * length), len(x)))
-        angle = 2.0 * np.pi * at / length
-        line = np.column_stack([np.ones(len(at)), at - np.mean(at)])
-        wave = np.column_stack([np.cos(angle), np.sin(angle)])
-        if len(at) < 4:
+    n, count = len(x), 0
+    harmonics, of_first, of_all = np.empty(n, np.complex128), 0.0, 0.0
+    for k in range(int((n + 0.5) / length)):
+        first, last = round(k * length), min(round((k + 1) * length), n)
+        if last - first < 4:
             break
-        both = np.column_stack([line, wave])
-        found = np.linalg.lstsq(both, x[at], rcond=None)[0]
-        harmonics.append(found[2] - 1j * found[3])
-        without = x[at] - line @ found[:2]
-        of_all += float(np.sum((without - np.mean(without)) ** 2))
-        of_first += float(np.sum((wave @ found[2:]) ** 2))
-    return np.array(harmonics, dtype=np.complex128), of_first / of_all if of_all > least else 0.0
+        angle = 2.0 * np.pi * np.arange(first, last) / length
+        cos, sin, y = np.cos(angle), np.sin(angle), x[first:last] - x[first:last].mean()
+        slope, real, imag = _fitted(cos - cos.mean(), sin - sin.mean(), y)
+        harmonics[count] = complex(real, -imag)
+        count += 1
+        for i in range(last - first):
+            of_all += (y[i] - slope * (i - 0.5 * (last - first - 1))) ** 2
+            of_first += (real * cos[i] + imag * sin[i]) ** 2
+    least = n * (ROUNDING_SHARE * np.abs(x).max()) ** 2
+    return harmonics[:count], of_first / of_all if of_all > least else 0.0
+
+
+@jit
+def _fitted(cos, sin, y):
+    """Return the slope and the parts of cosine and sine that explain a signal best, all of them without their means."""
+    uu = uc = us = uy = cc = cs = ss = cy = sy = 0.0
+    for i in range(len(y)):
+        u = i - 0.5 * (len(y) - 1)
+        uu += u * u
+        uc += u * cos[i]
+        us += u * sin[i]
+        uy += u * y[i]
+        cc += cos[i] * cos[i]
+        cs += cos[i] * sin[i]
+        ss += sin[i] * sin[i]
+        cy += cos[i] * y[i]
+        sy += sin[i] * y[i]
+    cc, cs, ss = cc - uc * uc / uu, cs - uc * us / uu, ss - us * us / uu  # what the slope leaves
+    cy, sy = cy - uc * uy / uu, sy - us * uy / uu
+    det = cc * ss - cs * cs
+    real, imag = (cy * ss - sy * cs) / det, (sy * cc - cy * cs) / det
+    return (uy - uc * real - us * imag) / uu, real, imag

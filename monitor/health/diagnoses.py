@@ -34,15 +34,12 @@ class Diagnoses:
         own = self._own.get(row)
         return Signs() if own is None else own.signs()
 
-    def look(self, row: int, until: int | None = None) -> Signs:
-        """Look at a loop's blocks that end by ``until`` [ns], all by default; return what all show up to then.
-
-        Of a loop's first block it is looked at what there is of it, which is not kept: it comes again when it is full.
-        """
+    def catch_up(self, row: int, until: int | None = None) -> Block | None:
+        """Look at a loop's blocks that end by ``until`` [ns], all by default; return the last one if it goes on."""
         waiting, so_far = self.waiting.pop(row, []), None
-        own = self._own.setdefault(row, Diagnosis()) if waiting else self._own.get(row)
-        if own is None:
-            return Signs()
+        if not waiting:
+            return None
+        own = self._own.setdefault(row, Diagnosis())
         for k, block in enumerate(waiting):
             if until is not None and block.end > until:
                 self.waiting[row] = waiting[k:]
@@ -50,8 +47,16 @@ class Diagnoses:
             so_far = block if block.so_far else None
             if so_far is None:
                 own.add(block)
-        if so_far is None or until is None or own.judged > 0.0:
-            return own.signs()
+        return so_far
+
+    def look(self, row: int, until: int | None = None) -> Signs:
+        """Look at a loop's blocks that end by ``until`` [ns], all by default; return what all show up to then.
+
+        Of a loop's first block it is looked at what there is of it, which is not kept: it comes again when it is full.
+        """
+        so_far, own = self.catch_up(row, until), self._own.get(row)
+        if so_far is None or own is None or until is None or own.judged > 0.0:
+            return self.signs(row)
         own = deepcopy(own)
         own.add(so_far)
         return own.signs()

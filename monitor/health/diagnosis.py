@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from monitor.median import median
 
+from .by_size import range_of
 from .cycle_gain import CycleGain, cycle_gain
 from .episodes import Episodes, LoopSpan, episodes_of, too_fast
 from .response import NoResponse, no_response_of
@@ -152,15 +153,17 @@ class Diagnosis:
             self.next_valve[block.level] = 0 if number < VALVE_BLOCKS else int(VALVE_RATIO * number) + 1
         if block.level == 0:
             self.fast += n * block.period if too_fast(error) else 0.0
-            still = float(np.ptp(block.pv)) == 0.0 < max(float(np.ptp(block.sp)), float(np.ptp(block.op)))
+            led = range_of(block.sp) > 0.0
+            still = range_of(block.pv) == 0.0 and (led or range_of(block.op) > 0.0)
             self.rested += n * block.period if still else 0.0
             self.judged += n * block.period
             self.period = block.period
             two = two_valued(block.op)
             self.two += n * block.period if two is not None else 0.0
             self.two_valued = self.two_valued if two is None else two
-            moves = tracking_of(block.sp, block.pv, block.period, _noise(block.pv))
-            self.moves = (*self.moves, *moves)[-MOST_MOVES:]
+            if led:
+                moves = tracking_of(block.sp, block.pv, block.period, _noise(block.pv))
+                self.moves = (*self.moves, *moves)[-MOST_MOVES:]
             if self.judged > HALVED_S:
                 self._halve()
 

@@ -15,6 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.compiled import jit
+
 from .swing_windows import FINEST_AVERAGES, SAME_PERIOD_RATIO, WINDOW_CYCLES, runs_of
 
 Array = NDArray[np.float64]
@@ -80,7 +82,7 @@ def episodes_of(error: Array, period: float, sp: Array | None = None) -> list[Ep
         In order of time.
     """
     n = len(error)
-    if n < WINDOW_CYCLES * FINEST_AVERAGES or not np.isfinite(error).all():
+    if n < WINDOW_CYCLES * FINEST_AVERAGES or not math.isfinite(error.sum()):
         return None
     moves = np.zeros(n) if sp is None else np.asarray(sp, dtype=np.float64) - float(sp[0])
     runs = runs_of(error, moves)
@@ -261,7 +263,8 @@ def _covered(spans: list[tuple[int, int]]) -> int:
     return total
 
 
-def too_fast(error: Array) -> bool:
+@jit
+def too_fast(error):
     """Whether the error alternates from sample to sample more than differences of noise: under three samples a cycle.
 
     Parameters
@@ -272,9 +275,10 @@ def too_fast(error: Array) -> bool:
     n = len(error)
     if n < ALTERNATING_SAMPLES:
         return False
-    x = error - np.mean(error)
-    energy = float(x @ x)
-    return (
-        energy > 0.0
-        and float(x[1:] @ x[:-1]) < (ALTERNATING_ACF - ALTERNATING_SD * 0.7 / math.sqrt(n)) * energy
-    )
+    mean = error.sum() / n
+    energy = product = before = 0.0
+    for v in error:
+        energy += (v - mean) * (v - mean)
+        product += (v - mean) * before
+        before = v - mean
+    return energy > 0.0 and product < (ALTERNATING_ACF - ALTERNATING_SD * 0.7 / math.sqrt(n)) * energy

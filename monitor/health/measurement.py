@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.compiled import jit
+from monitor.compiled import jit, jit_inlined
 
 from .fields import clearing, halving
 from .variance_jump import VARIANCE_JUMP_BLOCKS, blocks_in_jump, clipped
@@ -109,7 +109,7 @@ reset = clearing(RUNNING)
 reset_block = clearing(BLOCK_SUMS)
 
 
-@jit
+@jit_inlined
 def update_interval(own, dt):
     """Take in the time since the last sample [s], gap or not."""
     if own.seen < 2:
@@ -128,7 +128,7 @@ def update_interval(own, dt):
     own.interval_time += min(dt, GAP_INTERVALS * own.interval)
 
 
-@jit
+@jit_inlined
 def update(own, last, dt, sp, pv, op, op_noise, op_range):
     """Take in one good sample.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from monitor.compiled import jit
+from monitor.compiled import jit, jit_inlined
 
 from . import autocorrelation, coverage, harris, measurement, offset, saturation, tag_mapping, travel
 from .block import BLOCK_LENGTH, HORIZON_S
@@ -31,7 +31,7 @@ HEALTH = np.dtype(
 """A loop's record: each module's part."""
 
 
-@jit
+@jit_inlined
 def observe(health, last, period, limits, dt, gap, sp, pv, op, auto, quiet, stepping):
     """Account for one good sample.
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.compiled import jit
+from monitor.compiled import jit, jit_inlined
 
 from .fields import halving
 
@@ -32,7 +32,7 @@ DTYPE = np.dtype([*SUMS, *RUNNING, *KEPT])
 decay = halving(SUMS)
 
 
-@jit
+@jit_inlined
 def update(own, e, dt):
     """Take in the error ``e`` [PV] that held for ``dt`` [s] in automatic."""
     own.size += abs(e) * dt

@@ -16,6 +16,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.compiled import jit
+
+from .by_size import range_of
+
 Array = NDArray[np.float64]
 
 AVERAGES = 40
@@ -43,11 +47,6 @@ RESTS_SHARE = 0.05
 
 JUMP_SHARE = 0.7
 """Of the mean error, lost within two averages after the stretch: the valve stuck, and came free."""
-_LENGTHS = np.arange(AVERAGES, LEAST_AVERAGES - 1, -1)
-FIRST = np.concatenate([np.arange(AVERAGES - length + 1) for length in _LENGTHS])
-LAST = FIRST + np.repeat(_LENGTHS, AVERAGES - _LENGTHS + 1)
-"""Stretches of averages, half-open, the longest first."""
-
 Kind = Literal["no_answer", "slow_integral", "held"]
 
 
@@ -94,31 +93,14 @@ def no_response_of(
     NoResponse or None
     """
     n = len(pv)
-    if n < AVERAGES or period <= 0.0 or not all(np.isfinite(x).all() for x in (sp, pv, op)):
+    if n < AVERAGES or period <= 0.0:
         return None
-    edges = np.arange(AVERAGES + 1) * n // AVERAGES
-    error = np.asarray(sp - pv, dtype=np.float64)
-    e, u = _averaged(error, edges), _averaged(op, edges)
-    stays = _stays(e, _noise(error))
-    if not stays.any():
+    length, first, mean, way, held, at_extreme = _longest(sp, pv, op)
+    if length == 0:
         return None
-    op_sd, size = _noise(op), float(np.max(np.abs(op)))
-    goes = _goes_on(u, op_sd, float(np.ptp(op)))
-    for i in np.flatnonzero(stays):
-        first, last = int(FIRST[i]), int(LAST[i])
-        a, b = int(edges[first]), int(edges[last])
-        held = float(np.ptp(op[a:b])) <= HELD_SHARE * size
-        if not (held or goes[i]):
-            continue
-        mean = float(np.mean(e[first:last]))
-        if _jumps(e[last - 3 :], mean):
-            return None
-        way = 0.0 if held else float(u[last - 1] - u[first])
-        kind: Kind = "held" if held else "slow_integral" if abs(way) < HARDLY_SHARE * op_span else "no_answer"
-        return NoResponse(
-            kind, a, b, mean, way, goes_right(mean, way, direction), _rests_at_extreme(op, op_sd)
-        )
-    return None
+    a, b = first * n // AVERAGES, (first + length) * n // AVERAGES
+    kind: Kind = "held" if held else "slow_integral" if abs(way) < HARDLY_SHARE * op_span else "no_answer"
+    return NoResponse(kind, a, b, mean, way, goes_right(mean, way, direction), at_extreme)
 
 
 def goes_right(error: float, op_way: float, direction: int) -> bool | None:
@@ -134,58 +116,99 @@ def goes_right(error: float, op_way: float, direction: int) -> bool | None:
     return None if op_way == 0.0 or direction == 0 else op_way * error * direction > 0.0
 
 
-def _averaged(x: Array, edges: NDArray[np.int64]) -> Array:
-    """Return means between edges."""
-    return np.asarray(np.add.reduceat(x, edges[:-1]) / np.diff(edges))
+@jit
+def _longest(sp, pv, op):
+    """Return the longest stretch in which PV does not answer: averages in it (0: none), the first; what is seen in it.
 
-
-def _noise(x: Array) -> float:
-    """Return the standard deviation of a signal about a short mean of it, made good for what the mean takes along."""
-    short = np.convolve(x, np.full(AVERAGED_SAMPLES, 1.0 / AVERAGED_SAMPLES), "valid")
-    half = AVERAGED_SAMPLES // 2
-    return float(np.std(x[half:-half] - short)) / float(np.sqrt(1.0 - 1.0 / AVERAGED_SAMPLES))
-
-
-def _stays(e: Array, sd: float) -> NDArray[np.bool_]:
-    """Whether an error keeps its side and its size, for each stretch of averages."""
+    That is its mean error, the net way of OP, whether OP is held, and whether it ends and rests at its extreme.
+    """
+    none = 0, 0, 0.0, 0.0, False, False
+    error, n = sp - pv, len(op)
+    e, u = _averaged(error), _averaged(op)
+    if not np.isfinite(e.sum() + u.sum()):
+        return none
     sums, above = _sums(e), _sums((e > 0.0).astype(np.float64))
-    length, fifth, half = LAST - FIRST, (LAST - FIRST) // 5, (LAST - FIRST) // 2
+    least = max(ERROR_SD * _noise(error), 1e-12 * np.abs(e).max())
+    op_sd = size = op_range = -1.0  # before it is known, which is seldom asked
+    path = _sums(np.abs(u[1:] - u[:-1]))
+    for length in range(AVERAGES, LEAST_AVERAGES - 1, -1):
+        for first in range(AVERAGES - length + 1):
+            last = first + length
+            if not _stays(sums, above, first, last, least):
+                continue
+            if op_sd < 0.0:
+                op_sd, size, op_range = _noise(op), np.abs(op).max(), range_of(op)
+            held = range_of(op[first * n // AVERAGES : last * n // AVERAGES]) <= HELD_SHARE * size
+            way = u[last - 1] - u[first]
+            far = max(OP_SD * op_sd, RANGE_SHARE * op_range)
+            goes_on = abs(way) >= max(STRAIGHT_SHARE * (path[last - 1] - path[first]), far) and way != 0.0
+            if not (held or goes_on):
+                continue
+            mean = e[first:last].mean()
+            if _jumps(e[last - 3 :], mean):
+                return none
+            return length, first, mean, 0.0 if held else way, held, _rests_at_extreme(op, op_sd)
+    return none
 
-    def mean(first: NDArray[np.int64], last: NDArray[np.int64]) -> Array:
-        return (sums[last] - sums[first]) / (last - first)
 
-    whole = mean(FIRST, LAST)
-    share = (above[LAST] - above[FIRST]) / length
+@jit
+def _averaged(x):
+    """Return means over equal parts."""
+    n, out = len(x), np.empty(AVERAGES)
+    for k in range(AVERAGES):
+        out[k] = x[k * n // AVERAGES : (k + 1) * n // AVERAGES].mean()
+    return out
+
+
+@jit
+def _noise(x):
+    """Return the standard deviation of a signal about a short mean of it, made good for what the mean takes along."""
+    n = len(x) - AVERAGED_SAMPLES + 1
+    half, beside = AVERAGED_SAMPLES // 2, np.empty(n)
+    for i in range(n):
+        beside[i] = x[i + half] - x[i : i + AVERAGED_SAMPLES].sum() / AVERAGED_SAMPLES
+    return np.std(beside) / np.sqrt(1.0 - 1.0 / AVERAGED_SAMPLES)
+
+
+@jit
+def _stays(sums, above, first, last, least):
+    """Whether an error keeps its side and its size in a stretch of averages; ``sums``, ``above``: before each place."""
+    length = last - first
+    fifth, half = length // 5, length // 2
+    whole = (sums[last] - sums[first]) / length
+    if abs(whole) < least or whole == 0.0:
+        return False
+    share = (above[last] - above[first]) / length
+    if (share if whole > 0.0 else 1.0 - share) < ONE_SIDE_SHARE:
+        return False
     side = np.sign(whole)
-    return np.asarray(
-        (np.abs(whole) >= max(ERROR_SD * sd, 1e-12 * float(np.max(np.abs(e)))))
-        & (whole != 0.0)
-        & (np.where(whole > 0.0, share, 1.0 - share) >= ONE_SIDE_SHARE)
-        & (side * mean(LAST - fifth, LAST) >= LAST_SHARE * side * mean(FIRST, FIRST + fifth))
-        & (side * mean(FIRST + half, LAST) >= LATER_SHARE * side * mean(FIRST, FIRST + half))
+    begins, ends = (sums[first + fifth] - sums[first]) / fifth, (sums[last] - sums[last - fifth]) / fifth
+    earlier, later = (
+        (sums[first + half] - sums[first]) / half,
+        (sums[last] - sums[first + half]) / (length - half),
     )
+    return side * ends >= LAST_SHARE * side * begins and side * later >= LATER_SHARE * side * earlier
 
 
-def _goes_on(u: Array, sd: float, op_range: float) -> NDArray[np.bool_]:
-    """Whether OP goes one way, and far, for each stretch of averages."""
-    way, path = np.abs(u[LAST - 1] - u[FIRST]), _sums(np.abs(np.diff(u)))
-    least = max(OP_SD * sd, RANGE_SHARE * op_range)
-    return np.asarray((way >= STRAIGHT_SHARE * (path[LAST - 1] - path[FIRST])) & (way >= least) & (way > 0.0))
-
-
-def _sums(x: Array) -> Array:
+@jit
+def _sums(x):
     """Return the sums before each place."""
-    return np.concatenate([[0.0], np.cumsum(x)])
+    out = np.zeros(len(x) + 1)
+    for i in range(len(x)):
+        out[i + 1] = out[i] + x[i]
+    return out
 
 
-def _jumps(e: Array, mean: float) -> bool:
+@jit
+def _jumps(e, mean):
     """Whether an error that stayed is gone all at once, as where a valve comes free."""
-    return len(e) > 2 and bool(np.max(np.sign(mean) * (e[:-2] - e[2:])) >= JUMP_SHARE * abs(mean))
+    return (np.sign(mean) * (e[:-2] - e[2:])).max() >= JUMP_SHARE * abs(mean)
 
 
-def _rests_at_extreme(op: Array, sd: float) -> bool:
+@jit
+def _rests_at_extreme(op, sd):
     """Whether OP ends where it was highest or lowest, and has rested there."""
-    last = op[-max(int(RESTS_SHARE * len(op)), 2) :]
-    least = max(3.0 * sd, HELD_SHARE * float(np.max(np.abs(op))))
-    near = min(float(np.max(op) - np.min(last)), float(np.max(last) - np.min(op)))
-    return near <= min(least, 0.05 * float(np.ptp(op))) or float(np.ptp(op)) == 0.0
+    last = op[len(op) - max(int(RESTS_SHARE * len(op)), 2) :]
+    least = max(3.0 * sd, HELD_SHARE * np.abs(op).max())
+    near = min(op.max() - last.min(), last.max() - op.min())
+    return near <= min(least, 0.05 * range_of(op)) or range_of(op) == 0.0

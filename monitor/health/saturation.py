@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.compiled import jit
+from monitor.compiled import jit, jit_inlined
 
 from .fields import clearing, halving
 
@@ -44,7 +44,7 @@ decay = halving(SUMS)
 reset = clearing(RUNNING)
 
 
-@jit
+@jit_inlined
 def update(own, before, op, dt, limits, error_moves):
     """Take in one sample in automatic.
 

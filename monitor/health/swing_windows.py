@@ -27,8 +27,13 @@ PERIODS_AN_OCTAVE = 7
 swing is shifted by 3 % of its cycle after two."""
 FINEST_AVERAGES, COARSEST_AVERAGES = 3.9, 14.0
 """Averages in a cycle: the fewest at the finest level, the most at any, half as many the fewest at the others."""
+NEAR = tuple(2.0 ** (k / (3.0 * PERIODS_AN_OCTAVE)) for k in (-1, 0, 1))
+"""Periods looked at around the one tried, over it."""
 LAGS = 32
-"""Columns of the table: two of the longest cycles, and a neighbour to interpolate, rounded up to whole vectors."""
+"""Products in a row of the table: two of the longest cycles, and a neighbour to interpolate, rounded up to whole
+vectors."""
+LINES = 4
+"""Sums in a row of the table before these."""
 LEAST_SCORE = 0.5
 """Score of a window that counts: 1 for a sine, a triangle or a square, 0.83 for a sawtooth, 0 for noise, whose score
 over five cycles has a deviation of 0.1 to 0.15."""
@@ -68,46 +73,58 @@ def runs_of(error: Array, sp: Array) -> Array:
         (M, 7): first sample, one past the last, sum over windows of their period [samples], windows, sums of score
         and of amplitude [PV], and the lowest number of a run that is one oscillation with this one.
     """
-    n = len(error)
-    middle = np.arange(n) - 0.5 * (n - 1)
-    x = np.zeros((2, n + LAGS))
-    x[0, :n] = error - np.mean(error)
-    x[0, :n] -= middle * (x[0, :n] @ middle / (middle @ middle))  # lest sums be differences of large numbers
-    x[1, :n] = sp
-    if np.max(np.abs(x[0])) <= ROUNDING_SHARE * np.max(np.abs(error)):
-        return np.empty((0, RUN_COLUMNS))
+    middle, power, x, sums = _scratch(len(error))
+    own = error - error.mean()
     out = np.empty((MOST_RUNS, RUN_COLUMNS))
-    return out[: _search(x, n, *_scratch(n), out)]
+    return out[: _search(error, own, float(own @ middle) / power, sp, x, sums, out)]
 
 
 @lru_cache(maxsize=4)
-def _scratch(n: int) -> tuple[Array, Array]:
-    """Return room for the tables: new pages each time would cost as much as the search; it holds the GIL."""
-    return np.empty((4, n + 1)), np.empty((n + 1, LAGS))
+def _scratch(n: int) -> tuple[Array, float, Array, Array]:
+    """Return places from a record's middle, their squares' sum, and room for both signals and for the table.
+
+    New pages each time would cost as much as the search, which holds the GIL.
+    """
+    middle = np.arange(n, dtype=np.float64) - 0.5 * (n - 1)
+    return middle, float(middle @ middle), np.empty((2, n + LAGS)), np.empty((n + 1, LINES + LAGS))
 
 
 @jit
-def _search(x, n, line, products, out):
-    """Go through the levels of averaging and their periods; return the number of runs."""
-    count, width = 0, 1
+def _search(error, own, slope, sp, x, sums, out):
+    """Go through the levels of averaging and their periods; return the number of runs.
+
+    ``own``: the error less its mean; its slope is taken off, too, lest sums be differences of large numbers.
+    """
+    n, count, width = len(error), 0, 1
+    x[:, n:] = 0.0
+    x[0, :n] = own - (np.arange(n) - 0.5 * (n - 1)) * slope
+    x[1, :n] = sp
+    if np.abs(x[0]).max() <= ROUNDING_SHARE * np.abs(error).max():
+        return 0
     while n >= LEAST_WINDOW_CYCLES * (FINEST_AVERAGES if width == 1 else 0.5 * COARSEST_AVERAGES):
-        _sum_up(x, n, line, products)
+        _sum_up(x, n, sums)
         for j in range(1, (2 if width == 1 else 1) * PERIODS_AN_OCTAVE + 1):
             p = COARSEST_AVERAGES * 2.0 ** (-j / PERIODS_AN_OCTAVE)
             if p >= FINEST_AVERAGES and n >= LEAST_WINDOW_CYCLES * p:
-                count = _look(x, n, line, products, p, width, out, count)
+                count = _look(x, n, sums, p, width, out, count)
         n //= 2
         width *= 2
-        for row in range(2):
-            for i in range(n):
-                x[row, i] = 0.5 * (x[row, 2 * i] + x[row, 2 * i + 1])
-            for i in range(n, n + LAGS):
-                x[row, i] = 0.0
+        _halve(x, n)
     for i in range(count):
         for k in range(i):
             if _is_same(out, i, k):
                 _unite(out, count, i, k)
     return count
+
+
+@jit
+def _halve(x, n):
+    """Average both signals over two samples, so that n are left, and zeros after them."""
+    for row in range(2):
+        for i in range(n):
+            x[row, i] = 0.5 * (x[row, 2 * i] + x[row, 2 * i + 1])
+        for i in range(n, n + LAGS):
+            x[row, i] = 0.0
 
 
 @jit
@@ -129,34 +146,31 @@ def _unite(out, count, i, k):
 
 
 @jit
-def _sum_up(x, n, line, products):
+def _sum_up(x, n, sums):
     """Sum, before each average, x, place times x, x squared, the set point's way; and x times x 0, 1, 2, ... later."""
-    for row in range(4):
-        line[row, 0] = 0.0
-    for lag in range(LAGS):
-        products[0, lag] = 0.0
+    sums[0] = 0.0
     for i in range(n):
         v = x[0, i]
-        line[0, i + 1] = line[0, i] + v
-        line[1, i + 1] = line[1, i] + i * v
-        line[2, i + 1] = line[2, i] + v * v
-        line[3, i + 1] = line[3, i] + (abs(x[1, i] - x[1, i - 1]) if i > 0 else 0.0)
+        sums[i + 1, 0] = sums[i, 0] + v
+        sums[i + 1, 1] = sums[i, 1] + i * v
+        sums[i + 1, 2] = sums[i, 2] + v * v
+        sums[i + 1, 3] = sums[i, 3] + (abs(x[1, i] - x[1, i - 1]) if i > 0 else 0.0)
         for lag in range(LAGS):
-            products[i + 1, lag] = products[i, lag] + v * x[0, i + lag]
+            sums[i + 1, LINES + lag] = sums[i, LINES + lag] + v * x[0, i + lag]
 
 
 @jit
-def _look(x, n, line, products, p, width, out, count):
+def _look(x, n, sums, p, width, out, count):
     """Look at a period, in windows half a cycle apart; add its runs to ``out``, and return how many there are."""
     length, at = min(round(WINDOW_CYCLES * p), n), round(p)
     last = -2
     for j in range(int(2.0 * (n - length) / p) + 1):
         start = int(0.5 * p * j)
         # as it stands: a mean and a slope only add to it
-        energy = line[2, start + length] - line[2, start]
-        if products[start + length - at, at] - products[start, at] < GATE_ACF * energy:
+        energy = sums[start + length, 2] - sums[start, 2]
+        if sums[start + length - at, LINES + at] - sums[start, LINES + at] < GATE_ACF * energy:
             continue
-        score, period, amplitude = _window(x, line, products, start, length, p)
+        score, period, amplitude = _window(x, sums, start, length, p, at)
         if score < LEAST_SCORE:
             continue
         if last != j - 1:
@@ -177,35 +191,40 @@ def _look(x, n, line, products, p, width, out, count):
 
 
 @jit
-def _window(x, line, products, start, length, p):
-    """Return a window's score, the best period near the one tried, the amplitude [PV]; 0 where it does not count."""
+def _window(x, sums, start, length, p, at):
+    """Return a window's score, the best period near the one tried, the amplitude [PV]; 0 where it does not count.
+
+    ``at``: the period as a whole number.
+    """
     end = start + length
     middle = start + 0.5 * (length - 1)
-    total = line[0, end] - line[0, start]
+    total = sums[end, 0] - sums[start, 0]
     mean = total / length
-    slope = (line[1, end] - line[1, start] - middle * total) * 12.0 / (length * (length * length - 1.0))
-    if _acf(line, products, start, length, round(p), mean, slope) < GATE_ACF:
+    slope = (sums[end, 1] - sums[start, 1] - middle * total) * 12.0 / (length * (length * length - 1.0))
+    if _acf(sums, start, length, at, mean, slope) < GATE_ACF:
         return 0.0, 0.0, 0.0
-    once = _swing(line, products, start, length, p, 0.5 * p, mean, slope)
+    once = _swing(sums, start, length, p, 0.5 * p, mean, slope)
+    if once < LEAST_SCORE - NEARLY:
+        return 0.0, 0.0, 0.0
     best, period = 0.0, p
-    for k in range(-1, 2 if once >= LEAST_SCORE - NEARLY else -1):
-        near = p * 2.0 ** (k / (3.0 * PERIODS_AN_OCTAVE))
-        score = _swing(line, products, start, length, near, 0.5 * near, mean, slope)
+    for k in range(len(NEAR)):
+        near = p * NEAR[k]
+        score = once if NEAR[k] == 1.0 else _swing(sums, start, length, near, 0.5 * near, mean, slope)
         if score >= LEAST_SCORE:
-            score = min(score, _swing(line, products, start, length, 2.0 * near, 1.5 * near, mean, slope))
+            score = min(score, _swing(sums, start, length, 2.0 * near, 1.5 * near, mean, slope))
         if score > best:
             best, period = score, near
     if best < LEAST_SCORE:
         return 0.0, 0.0, 0.0
     rms = _lasts(x, start, length, mean, slope)
     amplitude = math.sqrt(2.0 * best) * rms
-    if rms == 0.0 or line[3, end] - line[3, start + 1] > SETPOINT_TRAVEL * WINDOW_CYCLES * amplitude:
+    if rms == 0.0 or sums[end, 3] - sums[start + 1, 3] > SETPOINT_TRAVEL * WINDOW_CYCLES * amplitude:
         return 0.0, 0.0, 0.0
     return best, period, amplitude
 
 
 @jit
-def _swing(line, products, start, length, lag, opposite, mean, slope):
+def _swing(sums, start, length, lag, opposite, mean, slope):
     """Return how alike a window is after one lag, and how opposite after another, which counts half (derived)."""
     swing = 0.0
     for other in range(2):
@@ -213,7 +232,7 @@ def _swing(line, products, start, length, lag, opposite, mean, slope):
         first = int(at)
         weights = _cubic(at - first)
         for k in range(4):
-            acf = _acf(line, products, start, length, first - 1 + k, mean, slope)
+            acf = _acf(sums, start, length, first - 1 + k, mean, slope)
             swing += (-1.0 if other else 2.0) / 3.0 * weights[k] * acf
         if swing < LEAST_SCORE - 1.0 / 3.0:  # whatever the other is
             return 0.0
@@ -221,22 +240,22 @@ def _swing(line, products, start, length, lag, opposite, mean, slope):
 
 
 @jit
-def _acf(line, products, start, length, lag, mean, slope):
+def _acf(sums, start, length, lag, mean, slope):
     """Correlate a window without its line with itself, a lag later; each part over its own energy (derived)."""
     n = length - lag
     middle = start + 0.5 * (length - 1)
     a, b, c, d = start, start + n, start + lag, start + length
-    x1, x2 = line[0, b] - line[0, a], line[0, d] - line[0, c]
-    ux1 = line[1, b] - line[1, a] - middle * x1
-    ux2 = line[1, d] - line[1, c] - middle * x2
+    x1, x2 = sums[b, 0] - sums[a, 0], sums[d, 0] - sums[c, 0]
+    ux1 = sums[b, 1] - sums[a, 1] - middle * x1
+    ux2 = sums[d, 1] - sums[c, 1] - middle * x2
     own, shift = n * (n * n - 1.0) / 12.0, 0.25 * n * lag * lag
     square = n * mean * mean
     tilt = mean * slope * n * lag
-    energy1 = line[2, b] - line[2, a] - 2.0 * (mean * x1 + slope * ux1) + square - tilt
-    energy2 = line[2, d] - line[2, c] - 2.0 * (mean * x2 + slope * ux2) + square + tilt
+    energy1 = sums[b, 2] - sums[a, 2] - 2.0 * (mean * x1 + slope * ux1) + square - tilt
+    energy2 = sums[d, 2] - sums[c, 2] - 2.0 * (mean * x2 + slope * ux2) + square + tilt
     energy1 += slope * slope * (own + shift)
     energy2 += slope * slope * (own + shift)
-    both = products[b, lag] - products[a, lag] - mean * (x1 + x2) + square
+    both = sums[b, LINES + lag] - sums[a, LINES + lag] - mean * (x1 + x2) + square
     both += slope * slope * (own - shift) - slope * (ux1 + lag * x1 + ux2 - lag * x2)
     return both / math.sqrt(energy1 * energy2) if energy1 > 0.0 and energy2 > 0.0 else 0.0
 

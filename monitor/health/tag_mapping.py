@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.compiled import jit
+from monitor.compiled import jit, jit_inlined
 
 from .fields import clearing, halving
 
@@ -97,7 +97,7 @@ decay = halving(SUMS)
 reset = clearing(RUNNING)
 
 
-@jit
+@jit_inlined
 def update(own, last, sp, pv, op):
     """Take in one sample in automatic; ``last`` is the one before: sp, pv, op."""
     own.samples += 1.0
@@ -128,7 +128,7 @@ def update(own, last, sp, pv, op):
         own.rested = 0
 
 
-@jit
+@jit_inlined
 def _follow_unit(own, last, sp, pv, op):
     """Count a jump of SP and PV as if their unit had changed, once OP has been seen to take no notice."""
     if own.unit_wait > 0 and sp != last.sp:

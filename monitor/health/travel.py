@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.compiled import jit
+from monitor.compiled import jit, jit_inlined
 
 from . import path
 from .fields import clearing, halving
@@ -85,7 +85,7 @@ def decay(own):
         path.decay(own.levels[k])
 
 
-@jit
+@jit_inlined
 def update(own, before, op, dt, period, samples):
     """Take in one sample in automatic.
 

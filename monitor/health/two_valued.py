@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.median import median
+from monitor.compiled import jit
+
+from .by_size import median_of, quantile_of, range_of
 
 LEAST_SAMPLES = 50
 """Without which nothing is said."""
@@ -35,24 +39,40 @@ def two_valued(op: NDArray[np.float64]) -> float | None:
     op : array (N,)
         In order, NaN where missing [OP].
     """
+    share = float(_share_of_two(op))
+    return None if math.isnan(share) else share
+
+
+@jit
+def _share_of_two(op):
+    """Return the share of samples at two levels, NaN where there are no such."""
     x = op[np.isfinite(op)]
-    if len(x) < LEAST_SAMPLES:
-        return None
-    low, high = np.quantile(x, [EDGE_SHARE, 1.0 - EDGE_SHARE])
+    if len(x) < LEAST_SAMPLES or range_of(x) < LEAST_SWING:
+        return np.nan
+    moved = x.copy()
+    low, high = quantile_of(moved, EDGE_SHARE), quantile_of(moved, 1.0 - EDGE_SHARE)
     if high - low < LEAST_SWING:
-        return None
-    upper = x > 0.5 * (low + high)
-    levels = median(x[~upper]), median(x[upper])
-    swing = levels[1] - levels[0]
-    if swing < max(LEAST_SWING, LEAST_SWING_SHARE * max(abs(levels[0]), abs(levels[1]))):
-        return None
-    at = np.flatnonzero(np.abs(x - np.where(upper, levels[1], levels[0])) <= LEVEL_SHARE * swing)
-    side = upper[at]
-    if not LEAST_LEVEL_SHARE <= float(np.mean(side)) <= 1.0 - LEAST_LEVEL_SHARE:
-        return None
-    switches = side[1:] != side[:-1]
-    between = np.diff(at) - 1
-    passed = int(between[switches & (between <= SWITCH_SAMPLES)].sum())
-    if int(switches.sum()) < LEAST_SWITCHES or len(at) + passed < TWO_SHARE * len(x):
-        return None
-    return len(at) / len(x)
+        return np.nan
+    middle = 0.5 * (low + high)
+    below, above = median_of(x[x <= middle]), median_of(x[x > middle])
+    swing = above - below
+    if swing < max(LEAST_SWING, LEAST_SWING_SHARE * max(abs(below), abs(above))):
+        return np.nan
+    at = at_upper = switches = passed = 0
+    last, was_upper = -1, False
+    for i in range(len(x)):
+        upper = x[i] > middle
+        if abs(x[i] - (above if upper else below)) > LEVEL_SHARE * swing:
+            continue
+        if at > 0 and upper != was_upper:
+            switches += 1
+            passed += i - last - 1 if i - last - 1 <= SWITCH_SAMPLES else 0
+        at += 1
+        at_upper += upper
+        last, was_upper = i, upper
+    share = at_upper / at if at > 0 else 0.0
+    if not LEAST_LEVEL_SHARE <= share <= 1.0 - LEAST_LEVEL_SHARE:
+        return np.nan
+    if switches < LEAST_SWITCHES or at + passed < TWO_SHARE * len(x):
+        return np.nan
+    return at / len(x)

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from monitor.compiled import jit
 
+from .by_size import median_of, nth
+
 SWING_SHARE = (0.55, 0.38)
 """Of the band, by which OP swings while play, or stick, rests, for a rest to count."""
 LEVELS = 150
@@ -64,34 +66,8 @@ def rests_of(op, v, w, shape, pv_means):
         begin = k
     if idle == 0:
         return 0.0, 0.0, 1.0, travel / w, 1.0
-    middle = _median(quiet[:idle]) / pv_range, _median(straight[:idle]) / pv_range
+    middle = median_of(quiet[:idle]) / pv_range, median_of(straight[:idle]) / pv_range
     return float(idle), time / n, middle[0], travel / w, middle[1]
-
-
-@jit
-def _nth(x, k):
-    """Return the k-th of some values by size, which are moved about (C. A. R. Hoare 1961).
-
-    NumPy's own, compiled, costs ten seconds of the first start.
-    """
-    low, high = 0, len(x) - 1
-    while low < high:
-        pivot, i, j = x[(low + high) // 2], low, high
-        while i <= j:
-            while x[i] < pivot:
-                i += 1
-            while x[j] > pivot:
-                j -= 1
-            if i <= j:
-                x[i], x[j] = x[j], x[i]
-                i, j = i + 1, j - 1
-        low, high = (low, j) if k <= j else (i, high) if k >= i else (k, k)
-    return x[k]
-
-
-@jit
-def _median(x):
-    return 0.5 * (_nth(x, (len(x) - 1) // 2) + _nth(x, len(x) // 2))
 
 
 @jit
@@ -99,7 +75,7 @@ def _range_of(op):
     """Return a rest's range of OP without its edges."""
     moved = op.copy()
     edge = int(EDGE_SHARE * len(moved))
-    return _nth(moved, len(moved) - 1 - edge) - _nth(moved, edge)
+    return nth(moved, len(moved) - 1 - edge) - nth(moved, edge)
 
 
 @jit

@@ -111,7 +111,9 @@ class Plant:
 
     def __post_init__(self) -> None:
         if self.space.d:
-            raise ValueError("PV follows no input at once: neither `sampled` nor the simulation has that path")
+            raise ValueError(
+                "PV follows no input at once: neither `sampled` nor the simulation has that path"
+            )
 
     @property
     def integrators(self) -> int:

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from monitor.health import cycle_gain as own
 from monitor.health.cycle_gain import CycleGain, cycle_gain
 from sim_plants.controllers import Controller
 from sim_plants.loops import Block, Simulation
@@ -63,6 +64,30 @@ def test_it_is_exact_where_pv_is_the_integral_of_op() -> None:
     assert found.period == pytest.approx(400.0, rel=0.005)
     assert found.op_amplitude == pytest.approx(3.0, rel=0.01)
     assert found.cycles in (9, 10)
+
+
+@pytest.mark.parametrize("length", [4.0, 6.3, 40.0])
+def test_harmonics_are_those_of_least_squares(length: float) -> None:
+    x = np.sin(2 * np.pi * np.arange(200) / length) + noise(200)
+    harmonics, share = own._harmonics(x, length)
+    first, whole = 0.0, 0.0
+    for k, found in enumerate(harmonics):
+        at = np.arange(round(k * length), min(round((k + 1) * length), 200))
+        line = np.stack([np.ones(len(at)), at - at.mean()], axis=1)
+        wave = np.stack([np.cos(2 * np.pi * at / length), np.sin(2 * np.pi * at / length)], axis=1)
+        b = np.linalg.lstsq(np.hstack([line, wave]), x[at], rcond=None)[0]
+        assert found == pytest.approx(complex(b[2], -b[3]), rel=1e-9)
+        first += np.sum((wave @ b[2:]) ** 2)
+        whole += len(at) * np.var(x[at] - line @ b[:2])
+    assert share == pytest.approx(first / whole)
+    assert len(harmonics) == int(200.5 / length)
+
+
+def test_the_strongest_period_is_that_of_the_transform() -> None:
+    tried = np.linspace(30.0, 50.0, 61)
+    x = np.sin(2 * np.pi * np.arange(300) / 37.0) + noise(300)
+    power = np.abs(np.exp(-2j * np.pi * np.outer(1.0 / tried, np.arange(300))) @ x)
+    assert own._strongest(x, 2.0 * np.pi / tried) == np.argmax(power)
 
 
 def test_the_interval_covers_the_truth_about_as_often_as_it_says() -> None:

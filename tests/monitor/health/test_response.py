@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor.health.response import AVERAGES, no_response_of
+from monitor.health import response
+from monitor.health.response import AVERAGES, LEAST_AVERAGES, no_response_of
 from tests.bench.swings_fleet import LOADS, Array, healthy, shut
 from tests.monitor.health import plant_records
 from tests.monitor.health.cycles import noise
@@ -79,6 +80,36 @@ def test_an_error_that_comes_back_is_an_answer() -> None:
     t = np.arange(600)
     pv = 50.0 - np.exp(-t / 300.0) + 0.02 * noise(600)
     assert no_response_of(np.full(600, 50.0), pv, 30.0 + 0.01 * t, 1.0) is None
+
+
+def naive_stays(e: Array, least: float) -> bool:
+    """Whether an error keeps its side and its size, in plain NumPy."""
+    fifth, half, side = len(e) // 5, len(e) // 2, np.sign(np.mean(e))
+    return bool(
+        abs(np.mean(e)) >= least
+        and np.mean(np.sign(e) == side) >= response.ONE_SIDE_SHARE
+        and side * np.mean(e[-fifth:]) >= response.LAST_SHARE * side * np.mean(e[:fifth])
+        and side * np.mean(e[half:]) >= response.LATER_SHARE * side * np.mean(e[:half])
+    )
+
+
+@given(seed=st.integers(0, 1000), level=st.floats(-2.0, 2.0))
+def test_a_stretch_stays_as_in_plain_numpy(seed: int, level: float) -> None:
+    e = level + noise(AVERAGES, seed)
+    sums, above = response._sums(e), response._sums((e > 0.0).astype(float))
+    for first in range(AVERAGES - LEAST_AVERAGES + 1):
+        for last in range(first + LEAST_AVERAGES, AVERAGES + 1):
+            found = response._stays(sums, above, first, last, 0.5)
+            assert found == naive_stays(e[first:last], 0.5)
+
+
+def test_averages_and_noise_are_numpys() -> None:
+    x = noise(333).cumsum()
+    edges = np.arange(AVERAGES + 1) * len(x) // AVERAGES
+    parts = [part.mean() for part in np.split(x, edges[1:-1])]
+    np.testing.assert_allclose(response._averaged(x), parts, rtol=1e-12)
+    beside = x[1:-1] - np.convolve(x, np.full(3, 1 / 3), "valid")
+    assert response._noise(x) == pytest.approx(np.std(beside) / np.sqrt(2 / 3))
 
 
 def test_an_output_that_turns_or_is_within_its_noise_is_not_meant() -> None:

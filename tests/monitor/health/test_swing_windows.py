@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from monitor.health import swing_windows as own
-from monitor.health.swing_windows import LAGS, LEAST_SCORE, MOST_RUNS, runs_of
+from monitor.health.swing_windows import LAGS, LEAST_SCORE, LINES, MOST_RUNS, runs_of
 from tests.monitor.health.cycles import Array, noise
 
 
@@ -38,9 +38,9 @@ def test_the_tables_correlate_as_a_window_by_itself_does(
     n = 160
     x = np.zeros((2, n + LAGS))
     x[0, :n] = noise(n, seed) + slope * np.arange(n)
-    line, products = np.empty((4, n + 1)), np.empty((n + 1, LAGS))
-    own._sum_up(x, n, line, products)
-    found = own._acf(line, products, start, length, lag, *line_of(x[0], start, length))
+    sums = np.empty((n + 1, LINES + LAGS))
+    own._sum_up(x, n, sums)
+    found = own._acf(sums, start, length, lag, *line_of(x[0], start, length))
     assert found == pytest.approx(naive_acf(x[0], start, length, lag), abs=1e-8)
 
 

@@ -17,15 +17,15 @@ MOST_LINES = 400
 CORE = ("contract", "health", "reporting", "detect", "identify", "assess", "advise", "verdict", "engine")
 STATIONS: dict[str, tuple[str, ...]] = {
     "compiled": ("tuners",),
-    "median": (),
+    "by_size": ("compiled",),
     "contract": ("tuners",),
-    "health": ("compiled", "median"),
+    "health": ("compiled", "by_size"),
     "reporting": ("compiled", "contract"),
-    "detect": ("compiled", "median", "contract", "health"),
-    "identify": ("compiled", "median", "contract", "detect.event", "tuners"),
-    "assess": ("median", "contract", "detect.event", "identify", "tuners"),
+    "detect": ("compiled", "by_size", "contract", "health"),
+    "identify": ("compiled", "by_size", "contract", "detect.event", "tuners"),
+    "assess": ("by_size", "contract", "detect.event", "identify", "tuners"),
     "advise": ("compiled", "contract", "identify", "assess", "tuners"),
-    "verdict": ("median", "contract", "detect.event", "health", "identify", "assess", "advise", "tuners"),
+    "verdict": ("by_size", "contract", "detect.event", "health", "identify", "assess", "advise", "tuners"),
     "memory": (*(s for s in CORE if s != "engine"), "tuners"),
     "samples_seen": ("detect", "reporting", "verdict.stale"),
     "engine": (*(s for s in CORE if s != "engine"), "memory", "samples_seen", "compiled", "tuners"),
@@ -59,7 +59,7 @@ STATIONS: dict[str, tuple[str, ...]] = {
 PLANTS_AT = {"monitor/cli/demo.py", "monitor/cli/simulate.py"}
 """What judges must not know the truth: only these start or make simulated plants."""
 
-PURE = ("compiled", "median", "memory", "samples_seen", *CORE)
+PURE = ("compiled", "by_size", "memory", "samples_seen", *CORE)
 OUTSIDE = {
     *("time", "datetime", "os", "pathlib", "io", "logging", "threading", "subprocess", "socket", "random"),
     *("multiprocessing", "asyncio", "sqlite3", "click", "rich", "pyarrow", "pandas", "zenoh", "rerun"),

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.assess.doubt import share_of_model
 from monitor.assess.reference import model_of, settings_of, with_hold_delay
 from monitor.assess.tuning import MS_MARGIN_RATIO
 from monitor.contract.loops import Loop
@@ -194,9 +195,8 @@ class Guards:
 
     def _lost(self, misfit: ModelError) -> bool:
         """Whether the error that is seen is as large as the model, below where that turns by half in its dead time."""
-        size = np.abs(np.ravel(self.model.frequency_response(misfit.omega)))
-        below = misfit.omega * float(np.ravel(self.model.dead_time)[0]) < 0.5 * math.pi
-        return bool(np.any((misfit.bound > LOST_SHARE * size) & below))
+        below = misfit.omega * self.model.dead_time < 0.5 * math.pi
+        return bool(np.any((share_of_model(misfit, self.model) > LOST_SHARE) & below))
 
     def _not_excited(self, many: list[Settings]) -> Flags:
         """Where the crossover goes further up than the events have shown the process."""
@@ -210,7 +210,7 @@ class Guards:
         close = self._room(many, unseen.omega, unseen.bound)[:, : len(many)] < LEAST_DISTANCE
         # far below the aim, and far above the crossover, it takes an error that looks like one; else one that might be
         suspected = np.any(close[unseen.suspect], axis=0)
-        likely = unseen.omega * float(np.ravel(self.model.dead_time)[0]) < LIKELY_TURNS * math.pi
+        likely = unseen.omega * self.model.dead_time < LIKELY_TURNS * math.pi
         hidden = np.any(close[likely], axis=0) | self._beyond(many, EXCITED_RATIO)
         return np.asarray((raised & suspected) | (far & hidden))
 

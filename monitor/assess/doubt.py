@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from monitor.contract.samples import Array
 from monitor.identify.fit import Fit
 from monitor.identify.misfit import ModelError
-from tuners.models import INTEGRATING, SELF_REGULATING
+from tuners.models import INTEGRATING, SELF_REGULATING, Model
 
 from .reference import model_of
 
@@ -19,6 +20,11 @@ UNDECIDED = 0.25
 """The same where the other kind of process may be the right one: a leak and a load that dies away look alike."""
 LEFT_RATIO = 2.0
 """What it grows by where more than noise is left of PV."""
+
+
+def share_of_model(error: ModelError, model: Model) -> Array:
+    """Return the error that is seen as a share of the model, at each of its frequencies; (k,)."""
+    return np.asarray(error.bound / np.abs(np.ravel(model.frequency_response(error.omega))))
 
 
 def gain_doubt(fit: Fit, error: ModelError, load: bool, undecided: bool) -> float:
@@ -36,10 +42,7 @@ def gain_doubt(fit: Fit, error: ModelError, load: bool, undecided: bool) -> floa
     undecided
         The other kind of process is not excluded.
     """
-    share = 0.0
-    if len(error.omega):
-        size = np.abs(np.ravel(model_of(fit).frequency_response(error.omega)))
-        share = min(float(np.max(error.bound / size)), MOST_BY_ERROR)
+    share = min(float(np.max(share_of_model(error, model_of(fit)), initial=0.0)), MOST_BY_ERROR)
     shape = 0.0
     if load:
         shape = max(BY_LOAD[fit.process], UNDECIDED if undecided else 0.0)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
+from monitor.by_size import quantile
 from monitor.contract.loops import Loop
 from monitor.contract.records import GOOD, INCONCLUSIVE, LOAD, SETPOINT, UNDECIDED, Assessment, event_id
 from monitor.contract.text import duration
@@ -29,7 +30,6 @@ from monitor.identify.misfit import ModelError, model_error
 from monitor.identify.outliers import without_outliers
 from monitor.identify.tail import is_tail
 from monitor.identify.working_setpoint import working_setpoint
-from monitor.median import quantile
 from tuners.models import Model
 
 from .damping import is_damped
@@ -379,8 +379,9 @@ def model_values(fit: Fit) -> dict[str, float]:
 
 def model_fields(fit: Fit) -> dict[str, float]:
     """Return the model's columns, each with its 95 % interval in ``_lo`` and ``_hi``."""
-    fields = model_values(fit)
-    for name, value in model_values(fit).items():
+    values = model_values(fit)
+    fields = dict(values)
+    for name, value in values.items():
         more = value - float(getattr(fit, name))
         low, high = fit.told(name)
         fields |= {f"{name}_lo": low + more, f"{name}_hi": high + more}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from monitor.by_size import median_of
 from monitor.compiled import jit
 from monitor.contract.samples import QUALITY_GOOD, QUALITY_UNCERTAIN
-from monitor.health.by_size import median_of
 
 from .constants import (
     COARSE_SAMPLES,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from monitor.by_size import median
 from monitor.contract.samples import Array
-from monitor.median import median
 
 SETPOINT_STEP, LOAD_STEP, SETPOINT_RAMP = 0, 1, 2
 """Kinds of event; a load step is suspected until a model has explained it; a set point that moved at more than a few

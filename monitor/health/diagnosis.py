@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.median import median
+from monitor.by_size import median, range_of
 
-from .by_size import range_of
 from .cycle_gain import CycleGain, cycle_gain
 from .episodes import Episodes, LoopSpan, episodes_of, too_fast
 from .response import NoResponse, no_response_of

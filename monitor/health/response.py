@@ -16,9 +16,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.by_size import range_of
 from monitor.compiled import jit
-
-from .by_size import range_of
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.by_size import median_of, quantile_of, range_of
 from monitor.compiled import jit
-
-from .by_size import median_of, quantile_of, range_of
 
 LEAST_SAMPLES = 50
 """Without which nothing is said."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.median import median
+from monitor.by_size import median
 
 from .valve_fit import AVERAGED_SAMPLES, LEAST_AVERAGES, NOT_FITTED, SHAPES, fit_block, path_of
 from .valve_rests import RESTS, means_of, rests_of

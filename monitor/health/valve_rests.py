@@ -8,9 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.by_size import median_of, nth
 from monitor.compiled import jit
-
-from .by_size import median_of, nth
 
 SWING_SHARE = (0.55, 0.38)
 """Of the band, by which OP swings while play, or stick, rests, for a rest to count."""

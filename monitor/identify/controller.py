@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.contract.loops import Loop
+from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
 from tuners.settings import NotRepresentableError
 
@@ -122,18 +123,21 @@ def _as_declared(case: Case) -> Controller | None:
         found = _compared(rows, known, present)
         if found is None:
             continue
-        at, share = found
+        at, share, x = found
         moved = at[np.diff(rows.sp)[at - 1] != 0]
         other = _other_weights(rows, known, present, len(at)) if len(moved) else None
         if other is not None:
             return _weights_said(replace(case, known=other), known, share)
-        estimate_of = _within_what_is_left(rows, known, present, at)
-        return _declared(case, NOWHERE, share, _jumps_said(np.setdiff1d(at, moved)), estimate_of)
+        said = _jumps_said(np.setdiff1d(at, moved))
+        return _declared(case, NOWHERE, share, said, _within_what_is_left(rows, known, x, at))
     return None
 
 
-def _compared(rows: Rows, known: Known, present: float) -> tuple[NDArray[np.intp], float] | None:
-    """Return the rows at which OP jumps, and the share that the law explains beside; None where it is not exact."""
+def _compared(rows: Rows, known: Known, present: float) -> tuple[NDArray[np.intp], float, Array] | None:
+    """Return the rows at which OP jumps, the share that the law explains beside, and the law's columns (n, 4).
+
+    None where the law is not exact.
+    """
     x = columns(rows.time, rows.sp, rows.pv, known.law(rows, present), 0.0, 0)
     share = EXACT_SHARE if rows.stride == 1 else THINNED_SHARE
     jump, rest, allowed, moved, spread = compared(
@@ -143,18 +147,16 @@ def _compared(rows: Rows, known: Known, present: float) -> tuple[NDArray[np.intp
     few = len(at) <= max(MOST_JUMPS_SHARE * told, told // LEAST_ROWS) and told >= LEAST_EXACT_ROWS
     if not few or rest > allowed or moved <= 2.0 * rows.quantum:
         return None
-    return at, 1.0 - (rest / max(spread, 1e-300)) ** 2
+    return at, 1.0 - (rest / max(spread, 1e-300)) ** 2, x
 
 
-def _within_what_is_left(rows: Rows, known: Known, present: float, jumps: NDArray[np.intp]) -> Estimate:
+def _within_what_is_left(rows: Rows, known: Known, x: Array, jumps: NDArray[np.intp]) -> Estimate:
     """Return the table's gains with what may be hidden in the little that they leave of OP.
 
     Where PV's noise goes through the gain to OP, the integral of a few minutes is as nothing, and so is a wrong one.
     """
-    x = columns(rows.time, rows.sp, rows.pv, known.law(rows, present), 0.0, 0)
-    between = np.isin(np.arange(len(rows.op)), jumps).cumsum()[
-        rows.use
-    ]  # OP may hold another constant in each
+    # between jumps OP may hold another constant
+    between = np.isin(np.arange(len(rows.op)), jumps).cumsum()[rows.use]
     left, moved = (rows.op - x @ known.gains)[rows.use], x[rows.use, :3]
     count = np.maximum(np.bincount(between), 1)
     left = left - (np.bincount(between, left) / count)[between]

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.by_size import median
 from monitor.contract.samples import Array
-from monitor.median import median
 
 from .controller_law import (
     INTEGRAL,

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.by_size import median, quantile
 from monitor.contract.loops import Loop
 from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
-from monitor.median import median, quantile
 
 LEAST_ROWS = 24
 """Rows below which nothing is said of a controller."""

@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.by_size import median
 from monitor.compiled import jit
 from monitor.contract.samples import Array
 from monitor.detect.event import EventWindow
-from monitor.median import median
 from tuners.models import INTEGRATING
 
 from .direct import parts_of_pv
@@ -149,14 +149,16 @@ def model_error(window: EventWindow, fit: Fit, noise: float) -> ModelError:
     noise
         Standard deviation of PV's noise before the event [PV].
     """
-    cells = _cells(window, fit)
+    # what came beside a set-point step may as well be the model's error
+    moved = parts_of_pv(window, fit if fit.size is not None else replace(fit, other=None))
+    cells = _cells(window, fit, moved)
     if cells is None:
         return NOTHING_SEEN
     slowest = 2.0 * math.pi * LEAST_CYCLES / (len(cells.basis) * cells.step)
     fastest = NYQUIST_SHARE * math.pi / cells.step
     least = max(noise, LEAST_NOISE_SHARE * float(np.ptp(window.pv))) ** 2
     # means over several samples show nothing of what is faster
-    close = _cells(window, fit, one_by_one=True) if cells.each > 1 else None
+    close = _cells(window, fit, moved, one_by_one=True) if cells.each > 1 else None
     if close is None:
         parts = _looked_at(cells, _grid(slowest, fastest), least)
     else:
@@ -259,15 +261,14 @@ class _Cells(NamedTuple):
     """What goes on in PV's noise: all of these are innovations then."""
 
 
-def _cells(window: EventWindow, fit: Fit, *, one_by_one: bool = False) -> _Cells | None:
+def _cells(window: EventWindow, fit: Fit, moved: list[Array], *, one_by_one: bool = False) -> _Cells | None:
     """Lay a window's residuals out on a regular grid; None where it is too short.
 
-    ``one_by_one``: not all of it in means over several samples, but each of the first ones since the step.
+    ``moved`` are the parts of PV's movement that the model explains, each (n,). ``one_by_one``: not all of it in means
+    over several samples, but each of the first ones since the step.
     """
     t, u = window.time, op_from_rest(window, fit.size is not None)
     kind = 0 if fit.process == INTEGRATING else 1
-    # what came beside a set-point step may as well be the model's error
-    moved = parts_of_pv(window, fit if fit.size is not None else replace(fit, other=None))
     span = float(t[-1] - t[0])
     fine = max(median(np.diff(t)), span / MOST_FINE_POINTS)
     count = int(span / fine * (1.0 + 1e-9)) + 1

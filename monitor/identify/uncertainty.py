@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from monitor.by_size import median
 from monitor.contract.samples import Array
-from monitor.median import median
 
 from .correlation import correlation_time
 from .fit import DIRECT, Z95, Fit

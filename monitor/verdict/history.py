@@ -16,6 +16,7 @@ from monitor.assess.event import Finding, model_fields
 from monitor.assess.predicted import NO_INDICES
 from monitor.assess.reference import model_of, settings_of
 from monitor.assess.tuning import current_sensitivity, indices_to_come, judge
+from monitor.by_size import median
 from monitor.contract.loops import Loop
 from monitor.contract.records import (
     GOOD,
@@ -31,7 +32,6 @@ from monitor.contract.records import (
 from monitor.detect.event import EventWindow
 from monitor.identify.fit import Fit, combine, same_process
 from monitor.identify.misfit import ModelError, together
-from monitor.median import median
 from tuners.models import Model
 
 from .in_force import InForce, change_in_words

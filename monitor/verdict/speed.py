@@ -8,10 +8,10 @@ from monitor.assess.index import index_on
 from monitor.assess.predicted import NO_INDICES, Indices
 from monitor.assess.reference import model_of, settings_of, structure_and_time
 from monitor.assess.tuning import current_sensitivity, indices_to_come
+from monitor.by_size import median
 from monitor.contract.loops import Loop
 from monitor.contract.records import LOAD, SETPOINT
 from monitor.identify.fit import Fit
-from monitor.median import median
 
 SHORT_RATIO = 1.25
 """Times ``ci_min`` below which the model foresees that a retuned loop is still too slow. The dead time that a fit finds

@@ -1,9 +1,17 @@
-"""Values by their size: the k-th of some, the middle one, one at a share (compiled).
+"""Values by their size: the k-th, median, quantiles, range; as NumPy's.
 
-NumPy's own, compiled, cost ten seconds of the first start.
+The first four are for compiled code, and move the values about: NumPy's own cost ten seconds of the first start there.
+The others are for columns: a median is asked for some fifty times in an event, of which NumPy's takes 30 to 60 us, its
+quantiles 200.
 """
 
 from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from monitor.compiled import jit
 
@@ -50,3 +58,32 @@ def range_of(x):
     for v in x:
         low, high = min(low, v), max(high, v)
     return high - low
+
+
+def median(values: ArrayLike) -> float:
+    """Return the median; NaN of none, or where one is missing.
+
+    Examples
+    --------
+    >>> median([3.0, 1.0, 2.0, 10.0])
+    2.5
+    """
+    column: Any = np.array(values, dtype=np.float64)
+    return float(median_of(column)) if _complete(column) else math.nan
+
+
+def quantile(values: ArrayLike, *shares: float) -> list[float]:
+    """Return the quantiles, straight between neighbours; NaN of none, or where a value is missing.
+
+    Examples
+    --------
+    >>> quantile([3.0, 1.0, 2.0, 10.0], 0.0, 0.5)
+    [1.0, 2.5]
+    """
+    column: Any = np.array(values, dtype=np.float64)
+    complete = _complete(column)
+    return [float(quantile_of(column, share)) if complete else math.nan for share in shares]
+
+
+def _complete(column: Any) -> bool:
+    return len(column) > 0 and not np.isnan(column).any()
